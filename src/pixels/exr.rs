@@ -1,0 +1,1 @@
+//! OpenEXR out: lightmap pages.

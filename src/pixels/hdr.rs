@@ -1,0 +1,1 @@
+//! HDR in: skies.

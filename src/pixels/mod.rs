@@ -1,0 +1,5 @@
+//! Pictures in and out, LDR and HDR. The only place that knows the crates `image` and `exr`.
+
+mod exr;
+mod hdr;
+mod ldr;

@@ -1,0 +1,162 @@
+//! [`Report`]: what a bake says about itself. Its JSON is the program's `--report`; charts are drawn from it.
+
+use serde::Serialize;
+
+/// Version of the report's schema; grows when a field changes its meaning.
+pub const SCHEMA: u32 = 1;
+
+/// Everything measured in one bake. Seconds are wall time.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Report {
+    /// [`SCHEMA`].
+    pub schema: u32,
+    /// Program and version.
+    pub generator: String,
+    /// What the scene holds.
+    pub scene: SceneCounts,
+    /// Lit nodes.
+    pub nodes: Vec<NodeReport>,
+    /// Lightmap pages.
+    pub pages: Vec<PageReport>,
+    /// Seconds by room, in the order in which they ran.
+    pub seconds: Vec<(&'static str, f64)>,
+    /// Texels that are covered by a surface.
+    pub texels: usize,
+    /// Patches: texels, and the backs of double-sided texels that rays met.
+    pub patches: usize,
+    /// Patches at which a row is measured.
+    pub receivers: usize,
+    /// Rays that measured rows, and their share of trouble.
+    pub rays: RayReport,
+    /// Stored matrix entries.
+    pub matrix_entries: u64,
+    /// Bytes of the stored matrix.
+    pub matrix_bytes: u64,
+    /// Where the light went.
+    pub energy: EnergyReport,
+    /// How the solver came to its answer.
+    pub solver: SolverReport,
+    /// Reflectance that was limited.
+    pub reflectance: ReflectanceReport,
+    /// Texels whose front lies inside other geometry.
+    pub buried_texels: usize,
+    /// Relative jump of irradiance across chart seams, 95th percentile.
+    pub seam_jump_p95: Option<f64>,
+    /// Peak resident memory of the process, in MB.
+    pub peak_memory_mb: u64,
+    /// Everything the user should know, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Sizes of the scene.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct SceneCounts {
+    /// Meshes.
+    pub meshes: usize,
+    /// Placed meshes.
+    pub instances: usize,
+    /// Triangles in meshes.
+    pub triangles: usize,
+    /// Triangles after instancing.
+    pub instanced_triangles: usize,
+    /// Triangles without area.
+    pub degenerate_triangles: usize,
+    /// Materials.
+    pub materials: usize,
+    /// Punctual lights.
+    pub lights: usize,
+    /// Triangles that emit, after instancing.
+    pub emitting_triangles: usize,
+}
+
+/// One lit node.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct NodeReport {
+    /// Node index in the file.
+    pub node: u32,
+    /// Its name.
+    pub name: String,
+    /// Page, or none for a node without a map of its own.
+    pub page: Option<u32>,
+    /// Texels per metre, mean over its surface.
+    pub texels_per_meter: f64,
+    /// Charts.
+    pub charts: u32,
+    /// Charts narrower than two texels.
+    pub small_charts: u32,
+}
+
+/// One lightmap page.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct PageReport {
+    /// Texels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Covered texels.
+    pub texels: usize,
+    /// Covered share of the page.
+    pub utilization: f64,
+}
+
+/// Rays of the form-factor rows.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct RayReport {
+    /// Rays traced for rows.
+    pub traced: u64,
+    /// Rays per second.
+    pub per_second: f64,
+    /// Rays that left the scene.
+    pub escaped: u64,
+    /// Rays that met the back of a single-sided surface.
+    pub blocked: u64,
+    /// Rays that hit a surface, but no covered texel.
+    pub lost: u64,
+    /// Shadow rays of direct light.
+    pub shadow: u64,
+}
+
+/// Balance of power, sums over rgb, in watts.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct EnergyReport {
+    /// Light put in: emitted by surfaces, received directly from lights, from the sky.
+    pub emitted: f64,
+    /// Light absorbed by surfaces, buried ones left out.
+    pub absorbed: f64,
+    /// Light that left the scene or ended on backs.
+    pub escaped: f64,
+    /// (absorbed + escaped) / emitted - 1.
+    pub imbalance: f64,
+}
+
+/// The solver's way to its answer.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct SolverReport {
+    /// Name of the solver.
+    pub name: &'static str,
+    /// Iterations.
+    pub iterations: usize,
+    /// Matrix entries touched.
+    pub entries: u64,
+    /// Largest true residual (irradiance) after each iteration.
+    pub residuals: Vec<f64>,
+    /// Bound on the largest truncation error (irradiance).
+    pub bound: f64,
+    /// The same, relative to the mean of the darker half.
+    pub relative_bound: f64,
+    /// False if the iteration limit came first.
+    pub converged: bool,
+}
+
+/// Reflectances that were limited.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct ReflectanceReport {
+    /// Largest reflectance used.
+    pub max: f64,
+    /// Area (m^2) whose reflectance was capped.
+    pub capped_area: f64,
+    /// Area (m^2) that is metallic (more than half).
+    pub metallic_area: f64,
+    /// All area (m^2).
+    pub area: f64,
+}
