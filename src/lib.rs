@@ -10,6 +10,7 @@
 //! Units: metres, radiometric quantities without spectral weight; the lightmap stores irradiance E. Linear Rec. 709.
 
 pub mod error;
+pub mod memory;
 pub mod progress;
 pub mod report;
 

@@ -6,7 +6,7 @@
 mod coverage;
 mod keep;
 
-pub use coverage::{Coverage, Fragment, NO_TEXEL, Texel};
+pub use coverage::{Charted, Coverage, Fragment, NO_PAGE, NO_TEXEL, Texel};
 
 use glam::{UVec2, Vec2};
 
