@@ -3,3 +3,5 @@
 mod exr;
 mod hdr;
 mod ldr;
+
+pub use hdr::{Hdr, read_hdr};
