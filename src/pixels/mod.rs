@@ -5,3 +5,4 @@ mod hdr;
 mod ldr;
 
 pub use ldr::{Ldr, decode, encode_png, write_png};
+pub use hdr::{Hdr, read_hdr};
