@@ -98,9 +98,9 @@ impl<'s> Tracer<'s> {
         let tri = &self.triangles[hit.primitive_id as usize];
         let (u, v, w) = tri.edges(&ray);
         let sum = u + v + w;
-        // u + v + w has the sign of the ray's side; both signs give positive barycentrics.
+        // The sum is negative for a ray from the front; both signs give positive barycentrics.
         let bary = Vec2::new(v / sum, w / sum);
-        Some(Hit { t: hit.t, triangle: tri.id, bary, front: (sum > 0.0) != (tri.flags & MIRRORED != 0) })
+        Some(Hit { t: hit.t, triangle: tri.id, bary, front: (sum < 0.0) != (tri.flags & MIRRORED != 0) })
     }
 
     /// Share of light (rgb) that comes through from `origin` to distance `t` along `direction`.

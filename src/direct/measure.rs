@@ -160,7 +160,9 @@ impl Task<'_> {
         }
         r.share = if sent > 0.0 { arrived / sent } else { 0.0 };
         let open = 1.0 / self.patches.validity[patch];
-        [&mut r.lights, &mut r.hidden, &mut r.emitters, &mut r.sky_peaks].map(|e| *e *= open);
+        for group in [&mut r.lights, &mut r.hidden, &mut r.emitters, &mut r.sky_peaks] {
+            *group *= open;
+        }
         r
     }
 
