@@ -1,5 +1,6 @@
 //! Pictures in and out, LDR and HDR. The only place that knows the crates `image` and `exr`.
 
-mod exr;
+pub mod exr;
 mod hdr;
 mod ldr;
+pub mod png;
