@@ -7,13 +7,9 @@ use super::{
     Atlas, Density, Layout, Options, PADDING, Page, Placement,
     place::{self, Demand, HIDDEN_DENSITY, Instances, Role},
     shape::{self, Cut, Shape},
-    uvunwrap::{self, Item, Packed, Rectangle, Size},
+    uvunwrap::{self, Failure, Item, Packed, Rectangle, Size},
 };
-use crate::{
-    error::{Error, Result},
-    progress::Observer,
-    scene::Scene,
-};
+use crate::{error::Result, progress::Observer, scene::Scene};
 use glam::{DVec2, UVec2};
 use rayon::prelude::*;
 
@@ -175,23 +171,17 @@ impl Room<'_> {
         }
         // A page that is full to the last texel does not exist.
         mapped.iter().for_each(|&i| lower[i] = (0.95 * most / texels(i).sqrt()).min(1.0));
-        let mut packed = self.pack(&Trial { size, general, lower: &lower, direct: false })?;
-        for _ in 0..8 {
-            let mut again = false;
-            for (j, mesh) in self.with_mapped().into_iter().zip(&packed.meshes) {
-                for (&i, r) in self.users[j].mapped.iter().zip(&mesh.rectangles) {
-                    let longest = r.size.max_element();
-                    if longest > most {
-                        again = true;
-                        lower[i] *= 0.98 * most / longest;
-                    }
-                }
+        let size = Size::Pages(density, edge);
+        let mut trial = Trial { size, general, lower: &lower, direct: false };
+        let mut packed = self.pack(&trial);
+        if matches!(packed, Err(Failure::TooLarge(_))) {
+            for j in self.with_mapped() {
+                self.lower_to_fit(j, size, density, most, &mut lower)?;
             }
-            if !again {
-                break;
-            }
-            packed = self.pack(&Trial { size, general, lower: &lower, direct: false })?;
+            trial = Trial { size, general, lower: &lower, direct: false };
+            packed = self.pack(&trial);
         }
+        let packed = packed?;
         let demands: Vec<Demand> = self
             .with_mapped()
             .into_iter()
@@ -206,6 +196,29 @@ impl Room<'_> {
         self.atlas.pages.clear();
         self.atlas.append(&demands, placed);
         Ok(density)
+    }
+
+    /// Lowers the density of user `j`'s largest instances until a page holds each of them.
+    fn lower_to_fit(&self, j: usize, size: Size, general: f64, most: f64, lower: &mut [f64]) -> Result<()> {
+        let mapped = &self.users[j].mapped;
+        loop {
+            let trial = Trial { size, general: Some(general), lower, direct: false };
+            let factors: Vec<f64> = mapped.iter().map(|&i| self.factor(&trial, i, j)).collect();
+            let longest =
+                match uvunwrap::pack(&[self.item(j, 1.0, within(&factors, LARGEST_RATIO))], size, self.observer) {
+                    Err(Failure::TooLarge(n)) => f64::from(n),
+                    Err(Failure::Other(e)) => return Err(e),
+                    Ok(_) => return Ok(()),
+                };
+            let largest = factors.iter().copied().fold(0.0, f64::max);
+            let goal = largest * (most / longest).min(1.0) * 0.97;
+            for (&i, factor) in mapped.iter().zip(factors) {
+                lower[i] *= (goal / factor).min(1.0);
+            }
+            if largest < 1e-9 {
+                return Ok(());
+            }
+        }
     }
 
     /// Coarse rectangles of the hidden instances; layouts for the meshes that only they use.
@@ -256,18 +269,20 @@ impl Room<'_> {
         within(&factors, LARGEST_RATIO)
     }
 
+    /// Size of instance `i` of user `j` in `trial`, density included, relative to the shape's.
+    fn factor(&self, trial: &Trial, i: usize, j: usize) -> f64 {
+        let own = self.scene.instances[i].texels_per_meter;
+        let wish = own.zip(trial.general).map_or(1.0, |(t, d)| t / d);
+        self.relative(i, j) * wish * trial.lower.get(i).copied().unwrap_or(1.0)
+    }
+
     /// Packs the mapped instances.
-    fn pack(&self, trial: &Trial) -> Result<Packed> {
-        let factor = |i: usize, j: usize| {
-            let own = self.scene.instances[i].texels_per_meter;
-            let wish = own.zip(trial.general).map_or(1.0, |(t, d)| t / d);
-            self.relative(i, j) * wish * trial.lower.get(i).copied().unwrap_or(1.0)
-        };
+    fn pack(&self, trial: &Trial) -> std::result::Result<Packed, Failure> {
         let mut ratio = LARGEST_RATIO;
         loop {
             let item = |j: usize| {
                 let u = &self.users[j];
-                let factors: Vec<f64> = u.mapped.iter().map(|&i| factor(i, j)).collect();
+                let factors: Vec<f64> = u.mapped.iter().map(|&i| self.factor(trial, i, j)).collect();
                 if trial.direct && u.mapped.len() + u.hidden.len() == 1 {
                     return self.item(j, factors[0], vec![]);
                 }
@@ -276,7 +291,7 @@ impl Room<'_> {
             let items: Vec<Item> = self.with_mapped().into_iter().map(item).collect();
             match uvunwrap::pack(&items, trial.size, self.observer) {
                 // Padding grows with the ratio; it may be more than a small page holds.
-                Err(Error::Usage(_)) if ratio > 1.0 && matches!(trial.size, Size::Page(_)) => ratio /= 4.0,
+                Err(Failure::TooLarge(_)) if ratio > 1.0 && matches!(trial.size, Size::Page(_)) => ratio /= 4.0,
                 result => return result,
             }
         }

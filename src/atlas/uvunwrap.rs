@@ -69,6 +69,27 @@ pub(super) enum Size {
     Page(u32),
     /// This many texels a metre, on one page as large as it takes.
     Density(f64),
+    /// This many texels a metre, on pages of this edge.
+    Pages(f64, u32),
+}
+
+/// Why charts could not be packed.
+pub(super) enum Failure {
+    /// A rectangle, padding included, has this longer edge, which no page holds.
+    TooLarge(u32),
+    /// Another reason.
+    Other(Error),
+}
+
+impl From<Failure> for Error {
+    fn from(f: Failure) -> Error {
+        match f {
+            Failure::TooLarge(n) => Error::Usage(format!(
+                "a node needs {n} texels, padding included, more than a page has: raise --resolution or --page-size"
+            )),
+            Failure::Other(e) => e,
+        }
+    }
 }
 
 /// Packed charts.
@@ -107,12 +128,13 @@ pub(super) struct Rectangle {
 }
 
 /// Packs all items with [`PADDING`] at every instance.
-pub(super) fn pack(items: &[Item], size: Size, observer: &dyn Observer) -> Result<Packed> {
+pub(super) fn pack(items: &[Item], size: Size, observer: &dyn Observer) -> std::result::Result<Packed, Failure> {
     let charts: usize = items.iter().map(|i| i.cut.charts).sum();
     let options = Options {
         density: match size {
             Size::Page(page_size) => Density::Auto { page_size },
             Size::Density(d) => Density::Fixed { texels_per_unit: positive(d), page_size: None },
+            Size::Pages(d, edge) => Density::Fixed { texels_per_unit: positive(d), page_size: Some(edge) },
         },
         padding: PADDING,
         packing: if charts > MANY_CHARTS { Packing::Fast } else { Packing::Shape },
@@ -128,7 +150,7 @@ pub(super) fn pack(items: &[Item], size: Size, observer: &dyn Observer) -> Resul
             ..MeshInput::new(&i.cut.positions, &i.cut.indices)
         })
         .collect();
-    let atlas = uvunwrap::generate_with_progress(&inputs, &options, |_| !observer.cancelled()).map_err(error)?;
+    let atlas = uvunwrap::generate_with_progress(&inputs, &options, |_| !observer.cancelled()).map_err(failure)?;
     let page = DVec2::new(atlas.width.into(), atlas.height.into());
     let rectangle = |r: uvunwrap::InstanceRect| {
         let [min, max] = [r.min, r.max].map(|c| DVec2::from(c.map(f64::from)) * page);
@@ -158,6 +180,13 @@ fn positive(x: f64) -> f32 {
     if x.is_nan() { 1.0 } else { x.clamp(1e-18, 1e18) as f32 }
 }
 
+fn failure(e: uvunwrap::Error) -> Failure {
+    match e {
+        uvunwrap::Error::ChartTooLarge { width, height, .. } => Failure::TooLarge(width.max(height)),
+        e => Failure::Other(error(e)),
+    }
+}
+
 fn error(e: uvunwrap::Error) -> Error {
     match e {
         uvunwrap::Error::Cancelled => Error::Interrupted,
@@ -165,9 +194,6 @@ fn error(e: uvunwrap::Error) -> Error {
             "this density needs {:.1} thousand million texels, more than can be baked: lower --texels-per-meter",
             texels as f64 * 1e-9
         )),
-        uvunwrap::Error::ChartTooLarge { page_size, .. } => {
-            Error::Usage(format!("a page of {page_size} texels is too small for this scene: raise --resolution"))
-        }
         e => Error::Usage(format!("the scene cannot be unwrapped: {e}")),
     }
 }

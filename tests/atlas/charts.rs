@@ -156,7 +156,7 @@ fn hidden_instances_are_coarse_and_on_hidden_pages() {
 
 #[test]
 fn large_nodes_are_lowered_and_several_pages_made() {
-    let scene = scene(vec![cube()], &[(0, DVec3::ONE), (0, DVec3::splat(8.0)), (0, DVec3::splat(2.0))]);
+    let scene = scene(vec![cube()], &[(0, DVec3::ONE), (0, DVec3::splat(8.0)), (0, DVec3::splat(1.5))]);
     each(&scene, Density::TexelsPerMeter(100.0), |atlas, warnings| {
         assert!(warnings.len() == 1 && warnings[0].contains("node 1"), "{warnings:?}");
         assert!(atlas.pages.len() > 1 && atlas.pages.iter().all(|p| p.size.max_element() <= 512));
