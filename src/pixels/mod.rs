@@ -3,3 +3,5 @@
 mod exr;
 mod hdr;
 mod ldr;
+
+pub use ldr::{Ldr, decode, encode_png, write_png};
