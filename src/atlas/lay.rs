@@ -44,6 +44,11 @@ pub(super) fn unwrap(
     let shapes: Vec<Shape> =
         users.par_iter().map(|u| Shape::new(scene, u.mesh, &scene.instances[u.reference])).collect();
     let cuts = cutter(&shapes, observer)?;
+    for (u, _) in users.iter_mut().zip(&cuts).filter(|(_, cut)| cut.charts == 0) {
+        // The packer expects that a rectangle has something in it.
+        warnings.push(format!("{}: its triangles are too thin for texels; it is not lit", scene.meshes[u.mesh].name));
+        *u = Users { mesh: u.mesh, reference: u.reference, ..Users::default() };
+    }
     let atlas = Atlas {
         layouts: vec![Layout::default(); scene.meshes.len()],
         placements: vec![None; scene.instances.len()],
@@ -223,7 +228,9 @@ impl Room<'_> {
 
     /// Coarse rectangles of the hidden instances; layouts for the meshes that only they use.
     fn hidden(&mut self, density: f64) -> Result<()> {
-        let alone: Vec<usize> = (0..self.users.len()).filter(|&j| self.users[j].mapped.is_empty()).collect();
+        let alone: Vec<usize> = (0..self.users.len())
+            .filter(|&j| self.users[j].mapped.is_empty() && !self.users[j].hidden.is_empty())
+            .collect();
         let items: Vec<Item> = alone.iter().map(|&j| self.item(j, 1.0, self.hidden_scales(j))).collect();
         let packed =
             if items.is_empty() { None } else { Some(uvunwrap::pack(&items, Size::Density(density), self.observer)?) };

@@ -87,8 +87,8 @@ impl Demand {
         }
         let wish = self.own.unwrap_or(d).max(f64::from(self.least) / longest);
         let most = f64::from(limit) / longest;
-        // A hair off, so that a size meant to be whole is not rounded up by one.
-        let size = (self.extent * wish.min(most) * (1.0 - 1e-9)).ceil();
+        // Less a hair: a size meant to be whole, but for rounding, stays.
+        let size = (self.extent * wish.min(most) - 0.01).ceil();
         (size.as_uvec2().clamp(UVec2::ONE, UVec2::splat(limit)), wish > most * (1.0 + 1e-9))
     }
 }

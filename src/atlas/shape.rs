@@ -14,7 +14,8 @@ pub(super) struct Shape {
     pub indices: Vec<u32>,
     /// Triangles that get no chart: unlit ones.
     pub ignored: Vec<bool>,
-    /// Metres of the reference instance per unit.
+    /// Metres of the reference instance per unit: a power of two, so that whoever multiplies by it finds the same
+    /// triangles too thin.
     pub metres: f64,
 }
 
@@ -39,7 +40,7 @@ impl Shape {
         let used = || mesh.triangles.iter().flatten().map(|&v| m * mesh.positions[v as usize].as_dvec3());
         let min = used().reduce(DVec3::min).unwrap_or_default();
         let size = (used().reduce(DVec3::max).unwrap_or_default() - min).max_element();
-        let metres = if size > 0.0 && size.is_finite() { size } else { 1.0 };
+        let metres = if size > 0.0 && size.is_finite() { power_of_two(size) } else { 1.0 };
         let mut welded = HashMap::new();
         let mut positions = Vec::new();
         let mut index_of = |v: u32| {
@@ -64,6 +65,11 @@ impl Shape {
         };
         self.indices.chunks_exact(3).map(area).sum()
     }
+}
+
+/// The power of two that is `x`, or next above.
+pub(super) fn power_of_two(x: f64) -> f64 {
+    if x.is_finite() { libm::ldexp(1.0, libm::frexp(x).1) } else { 1.0 }
 }
 
 /// A flattened vertex, and the chart it belongs to, if any.

@@ -4,7 +4,7 @@
 
 use super::{
     PADDING,
-    shape::{Cut, Flat, Shape},
+    shape::{Cut, Flat, Shape, power_of_two},
 };
 use crate::{
     error::{Error, Result},
@@ -30,8 +30,7 @@ pub(super) fn cut(shapes: &[Shape], observer: &dyn Observer) -> Result<Vec<Cut>>
         .iter()
         .map(|s| MeshInput {
             ignored_faces: Some(&s.ignored),
-            scale: positive(1.0 / s.area().sqrt()),
-            instance_scales: &[1.0],
+            scale: positive(power_of_two(1.0 / s.area().sqrt())),
             ..MeshInput::new(&s.positions, &s.indices)
         })
         .collect();
@@ -177,7 +176,8 @@ pub(super) fn pack(items: &[Item], size: Size, observer: &dyn Observer) -> std::
 
 /// A positive, finite single.
 fn positive(x: f64) -> f32 {
-    if x.is_nan() { 1.0 } else { x.clamp(1e-18, 1e18) as f32 }
+    const MOST: f64 = (1u64 << 60) as f64;
+    if x.is_nan() { 1.0 } else { x.clamp(1.0 / MOST, MOST) as f32 }
 }
 
 fn failure(e: uvunwrap::Error) -> Failure {
