@@ -6,7 +6,7 @@
 use super::{
     Atlas, Density, Layout, NO_CHART, Options, Page,
     overlap::{self, Among, Piece},
-    place::{self, Demand, HIDDEN_DENSITY, Role},
+    place::{self, Demand, HIDDEN_DENSITY, Instances, Role},
 };
 use crate::{
     error::{Error, Result},
@@ -27,12 +27,13 @@ const OVERLAP: f64 = 1e-4;
 /// Lays out `scene` as its author did.
 pub(super) fn unwrap(
     scene: &Scene,
-    roles: &[Role],
+    instances: &Instances,
     options: &Options,
     file: &Path,
     observer: &dyn Observer,
     warnings: &mut Vec<String>,
 ) -> Result<Atlas> {
+    let Instances { roles, areas } = instances;
     let mut users = vec![Vec::new(); scene.meshes.len()];
     for (i, instance) in scene.instances.iter().enumerate().filter(|(i, _)| roles[*i] != Role::Unlit) {
         users[instance.mesh as usize].push(i);
@@ -48,8 +49,6 @@ pub(super) fn unwrap(
         .collect::<Result<_>>()?;
     warnings.extend(kept.iter().flat_map(|k| k.warnings.iter().cloned()));
 
-    let areas: Vec<f64> =
-        scene.instances.par_iter().map(|i| place::world_area(&scene.meshes[i.mesh as usize], i)).collect();
     let scale = |i: usize| {
         let uv = kept[scene.instances[i].mesh as usize].uv_area;
         if uv > 0.0 { (areas[i] / uv).sqrt() } else { 0.0 }

@@ -5,8 +5,11 @@
 
 mod coverage;
 mod keep;
+mod lay;
 mod overlap;
 mod place;
+mod shape;
+mod uvunwrap;
 mod validate;
 
 pub use coverage::{Charted, Coverage, Fragment, NO_PAGE, NO_TEXEL, Texel};
@@ -25,7 +28,8 @@ use std::path::Path;
 pub struct Atlas {
     /// One for each of the scene's meshes; empty for a mesh that no mapped instance uses.
     pub layouts: Vec<Layout>,
-    /// One for each of the scene's instances; `None`: nothing of it is lit (unlit material).
+    /// One for each of the scene's instances; `None`: nothing of it is lit (unlit
+    /// material, or no area).
     pub placements: Vec<Option<Placement>>,
     /// Pages; hidden ones follow the visible ones.
     pub pages: Vec<Page>,
@@ -128,10 +132,11 @@ pub fn unwrap(
 ) -> Result<Atlas> {
     options.check()?;
     progress::check(observer)?;
-    let roles = place::roles(scene);
+    let instances = place::Instances::of(scene);
     let atlas = match options.unwrap {
-        Unwrap::Keep => keep::unwrap(scene, &roles, options, file, observer, warnings)?,
-        Unwrap::Uvunwrap | Unwrap::Xatlas => return Err(Error::Usage("not there yet".into())),
+        Unwrap::Keep => keep::unwrap(scene, &instances, options, file, observer, warnings)?,
+        Unwrap::Uvunwrap => lay::unwrap(scene, &instances, options, uvunwrap::cut, observer, warnings)?,
+        Unwrap::Xatlas => return Err(Error::Usage("built without xatlas; build with --features xatlas".into())),
     };
     debug_assert_eq!(atlas.validate(scene), Ok(()));
     Ok(atlas)

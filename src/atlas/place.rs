@@ -6,6 +6,7 @@ use super::{PADDING, Page, Placement};
 use crate::scene::{Instance, Mesh, Scene};
 use glam::{DVec2, UVec2, Vec2};
 use guillotiere::{SimpleAtlasAllocator, size2};
+use rayon::prelude::*;
 
 /// Density of hidden rectangles, relative to the visible ones'.
 pub(super) const HIDDEN_DENSITY: f64 = 1.0 / 8.0;
@@ -17,22 +18,35 @@ pub(super) enum Role {
     Mapped,
     /// A coarse rectangle on a hidden page: it reflects, but has no map of its own.
     Hidden,
-    /// Nothing: all its materials are unlit, or it has no triangle.
+    /// Nothing: all its materials are unlit, or it has no area.
     Unlit,
 }
 
-/// The role of each instance.
-pub(super) fn roles(scene: &Scene) -> Vec<Role> {
-    let role = |i: &Instance| {
-        let mesh = &scene.meshes[i.mesh as usize];
-        let lit = mesh.primitives.iter().any(|p| !p.triangles.is_empty() && !is_unlit(scene, p.material));
-        match i.texels_per_meter {
-            _ if !lit => Role::Unlit,
-            Some(t) if t <= 0.0 => Role::Hidden,
-            _ => Role::Mapped,
-        }
-    };
-    scene.instances.iter().map(role).collect()
+/// What the scene's instances are to the lightmap.
+#[derive(Clone, Debug)]
+pub(super) struct Instances {
+    /// The role of each.
+    pub roles: Vec<Role>,
+    /// Area of each in the world, m^2.
+    pub areas: Vec<f64>,
+}
+
+impl Instances {
+    /// Of `scene`.
+    pub fn of(scene: &Scene) -> Instances {
+        let area = |i: &Instance| world_area(&scene.meshes[i.mesh as usize], i);
+        let areas: Vec<f64> = scene.instances.par_iter().map(area).collect();
+        let role = |(i, &area): (&Instance, &f64)| {
+            let primitives = &scene.meshes[i.mesh as usize].primitives;
+            let lit = primitives.iter().any(|p| !p.triangles.is_empty() && !is_unlit(scene, p.material));
+            match i.texels_per_meter {
+                _ if !lit || area <= 0.0 => Role::Unlit,
+                Some(t) if t <= 0.0 => Role::Hidden,
+                _ => Role::Mapped,
+            }
+        };
+        Instances { roles: scene.instances.iter().zip(&areas).map(role).collect(), areas }
+    }
 }
 
 /// True if `material` exists and is unlit.
@@ -41,7 +55,7 @@ pub(super) fn is_unlit(scene: &Scene, material: u32) -> bool {
 }
 
 /// Area of `mesh` in the world as `instance` places it, m^2.
-pub(super) fn world_area(mesh: &Mesh, instance: &Instance) -> f64 {
+fn world_area(mesh: &Mesh, instance: &Instance) -> f64 {
     let m = instance.transform.matrix3;
     let area = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|v| mesh.positions[v as usize].as_dvec3());
@@ -73,8 +87,8 @@ impl Demand {
         }
         let wish = self.own.unwrap_or(d).max(f64::from(self.least) / longest);
         let most = f64::from(limit) / longest;
-        // A hair off, so that a size meant to be whole is not rounded up by one.
-        let size = (self.extent * wish.min(most) * (1.0 - 1e-9)).ceil();
+        // Less a hair: a size meant to be whole, but for rounding, stays.
+        let size = (self.extent * wish.min(most) - 0.01).ceil();
         (size.as_uvec2().clamp(UVec2::ONE, UVec2::splat(limit)), wish > most * (1.0 + 1e-9))
     }
 }

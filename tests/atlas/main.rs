@@ -1,5 +1,6 @@
 //! Layouts and pages: what every unwrapper must keep, and what the author's own layout must be.
 
+mod charts;
 mod keep;
 mod scenes;
 

@@ -14,6 +14,7 @@ pub fn mesh(name: &str, positions: Vec<Vec3>, uv: Vec<Vec2>, triangles: Vec<[u32
     };
     Mesh {
         name: name.into(),
+        source: 0,
         normals: vec![Vec3::ZERO; positions.len()],
         uvs: if uv.is_empty() { vec![] } else { vec![vec![], uv] },
         colors: vec![],
