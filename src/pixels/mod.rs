@@ -3,5 +3,6 @@
 mod exr;
 mod hdr;
 mod ldr;
+pub mod png;
 
 pub use hdr::{Hdr, read_hdr};
