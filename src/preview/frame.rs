@@ -17,7 +17,9 @@ const PLACES: f32 = 28.0;
 const OUTSIDE_FOV: f32 = 0.7;
 const INSIDE_FOV: f32 = 1.0;
 /// Worth of what is seen through a wall's back, against what is seen through an opening.
-const THROUGH: f32 = 0.6;
+const THROUGH: f32 = 0.5;
+/// Worth of a view from inside: it fills the picture anyway, but shows less of the shape.
+const INSIDE: f32 = 0.55;
 
 /// A camera at `eye` that looks `forward` (unit), upright.
 pub fn at(eye: Vec3, forward: Vec3, yfov: f32) -> Camera {
@@ -77,7 +79,7 @@ fn inside(cast: &Cast, low: Vec3, high: Vec3) -> Vec<(Camera, f32)> {
             let away = direction(k as f32 / 8.0 * TAU, 0.0);
             if let Some(wall) = cast(seed, away) {
                 let forward = (-away - 0.12 * Vec3::Y).normalize();
-                cameras.push((at(seed + away * wall.distance * 0.88, forward, INSIDE_FOV), 1.0));
+                cameras.push((at(seed + away * wall.distance * 0.88, forward, INSIDE_FOV), INSIDE));
             }
         }
     }
