@@ -74,7 +74,11 @@ pub fn glb() -> impl clap::builder::TypedValueParser<Value = PathBuf> {
 }
 
 fn with_extension(path: PathBuf, extension: &str) -> Parsed<PathBuf> {
-    if has_extension(&path, &[extension]) { Ok(path) } else { Err(format!("expected a file name that ends in .{extension}")) }
+    if has_extension(&path, &[extension]) {
+        Ok(path)
+    } else {
+        Err(format!("expected a file name that ends in .{extension}"))
+    }
 }
 
 /// True if the name ends in one of these, in any case.
@@ -169,7 +173,9 @@ mod tests {
         assert_eq!(sky("C:/my sky, noon.EXR,2"), picture("C:/my sky, noon.EXR", 2.0, 0.0));
         assert_eq!(sky("a,1,2.hdr,.5,-90"), picture("a,1,2.hdr", 0.5, -90.0));
         assert_eq!(sky("a.hdr,2.exr"), picture("a.hdr,2.exr", 1.0, 0.0));
-        for wrong in ["", "1", "1,2", "1,2,3,4", "-1,0,0", "nan,0,0", "inf,0,0", "a.png", "a.hdr,x", "a.hdr,-1", "a.hdr,1,2,3"] {
+        for wrong in
+            ["", "1", "1,2", "1,2,3,4", "-1,0,0", "nan,0,0", "inf,0,0", "a.png", "a.hdr,x", "a.hdr,-1", "a.hdr,1,2,3"]
+        {
             assert!(sky(wrong).is_err(), "{wrong}");
         }
     }

@@ -1,1 +1,9 @@
 //! The two doors: [`read`] gives a [`Document`] and a [`crate::scene::Scene`], [`write`] binds lightmaps to the document.
+
+mod document;
+mod read;
+mod write;
+
+pub use document::{Document, External};
+pub use read::{Input, ReadOptions, read};
+pub use write::{WriteOptions, write, write_flat};

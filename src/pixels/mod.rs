@@ -3,6 +3,6 @@
 mod exr;
 mod hdr;
 mod ldr;
-pub mod png;
 
 pub use hdr::{Hdr, read_hdr};
+pub use ldr::{Ldr, decode, encode_png, write_png};

@@ -43,6 +43,8 @@ pub struct Scene {
 pub struct Mesh {
     /// Name for messages, for example `mesh 3 "Wall"`.
     pub name: String,
+    /// Index of the mesh in the source document.
+    pub source: u32,
     /// Object space, metres before the instance's transform; finite.
     pub positions: Vec<Vec3>,
     /// Unit length, one a vertex; zero where the vertex has none (the face normal is used).
