@@ -31,7 +31,6 @@ pub fn write(picture: &Picture, file: &Path) -> luxel::error::Result<()> {
 }
 
 /// Radiance of each visible page, gutters filled, and the exposure that shows it well.
-#[expect(clippy::type_complexity, reason = "the shape that gltf::write_flat takes")]
 pub fn flat(baked: &Baked) -> (Vec<(UVec2, Vec<Vec3>)>, f32) {
     let mut luminances = Vec::new();
     let visible = baked.atlas.pages.iter().zip(&baked.coverage.grids).enumerate().filter(|(_, (p, _))| !p.hidden);
