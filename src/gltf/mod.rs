@@ -2,6 +2,8 @@
 
 mod document;
 mod read;
+mod write;
 
 pub use document::{Document, External};
 pub use read::{Input, ReadOptions, read};
+pub use write::{WriteOptions, write, write_flat};

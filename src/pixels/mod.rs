@@ -1,8 +1,9 @@
 //! Pictures in and out, LDR and HDR. The only place that knows the crates `image` and `exr`.
 
-mod exr;
+pub mod exr;
 mod hdr;
 mod ldr;
+pub mod png;
 
 pub use hdr::{Hdr, read_hdr};
 pub use ldr::{Ldr, decode, encode_png, write_png};

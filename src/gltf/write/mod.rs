@@ -1,0 +1,113 @@
+//! The door out: binds lightmaps to a document and writes it.
+//!
+//! The source's JSON is patched, never re-made, so that whatever luxel does not know survives. In order: an earlier
+//! lightmap is taken out, layouts become TEXCOORD_1, pages become EXR files or parts of the GLB, nodes are bound.
+
+mod accessor;
+mod bind;
+mod companions;
+mod container;
+mod files;
+mod flat;
+mod lights;
+mod sets;
+mod store;
+mod vertices;
+
+pub use flat::write_flat;
+
+use super::Document;
+use crate::{
+    atlas::Atlas,
+    error::{Error, Result},
+    lightmaps::Lightmaps,
+    pixels::exr::{self, Encoded},
+    report::Report,
+    scene::Scene,
+};
+use files::Files;
+use rayon::prelude::*;
+use serde_json::{Map, Value, json};
+use std::path::Path;
+use store::Store;
+
+/// What is written besides the lightmap.
+#[derive(Clone, Debug, Default)]
+pub struct WriteOptions {
+    /// Pages have 32 bits a channel instead of 16. Default: no.
+    pub float: bool,
+    /// Pages and a description (`OUT.lightmap.json`) are written beside the output as well. Default: no.
+    pub sidecar: bool,
+    /// The baked lights are taken out of the file. Default: no.
+    pub strip_lights: bool,
+    /// Nodes whose light is in the map and must not be drawn again.
+    pub baked_lights: Vec<u32>,
+}
+
+/// Writes `document` with `lightmaps` bound to it: a `.gltf` with files beside it, or, by any other name, a GLB.
+///
+/// Returns what the user should know, one sentence each. On failure no file is left or changed.
+pub fn write(
+    document: &Document,
+    scene: &Scene,
+    atlas: &Atlas,
+    lightmaps: &Lightmaps,
+    report: &Report,
+    options: &WriteOptions,
+    out: &Path,
+) -> Result<Vec<String>> {
+    let glb = !companions::is_gltf(out);
+    let mut store = Store::new(document);
+    let mut files = Files::beside(out, &document.path, &document.json)?;
+    bind::unbind(&mut store);
+    let mut notes = if atlas.kept { Vec::new() } else { vertices::lay_out(&mut store, scene, atlas)? };
+    if options.strip_lights {
+        lights::strip(&mut store.json, &options.baked_lights);
+    }
+    notes.extend(companions::bring(&mut store, &mut files, glb)?);
+
+    let pages = encode(lightmaps, options.float, out)?;
+    let uris = if !glb || options.sidecar { add_pages(&pages, &mut files)? } else { Vec::new() };
+    let rectangles = bind::rectangles(scene, atlas, &mut notes);
+    if options.sidecar {
+        let root = bind::root_data(lightmaps, &uris, report, options);
+        files.add(".lightmap.json", &sidecar(root, scene, &rectangles))?;
+    }
+    let places = if glb { embed_pages(pages, &mut store) } else { uris };
+    let root = bind::root_data(lightmaps, &places, report, options);
+    notes.extend(bind::bind(&mut store.json, root, &rectangles));
+    if glb { container::write_glb(store, files, out) } else { container::write_gltf(store, files, out) }?;
+    Ok(notes)
+}
+
+fn encode(lightmaps: &Lightmaps, float: bool, out: &Path) -> Result<Vec<Encoded>> {
+    let pages = lightmaps.pages.par_iter().map(|page| exr::encode(page.size, &page.irradiance, float));
+    pages.collect::<std::result::Result<_, _>>().map_err(|e| Error::writing(out, std::io::Error::other(e)))
+}
+
+fn add_pages(pages: &[Encoded], files: &mut Files) -> Result<Vec<(&'static str, Value, f32)>> {
+    let add = |(i, page): (usize, &Encoded)| {
+        Ok(("uri", files.add(&format!(".page{i}.exr"), &page.bytes)?.into(), page.scale))
+    };
+    pages.iter().enumerate().map(add).collect()
+}
+
+fn embed_pages(pages: Vec<Encoded>, store: &mut Store) -> Vec<(&'static str, Value, f32)> {
+    let add = |page: Encoded| ("bufferView", store.add_view(page.bytes, Map::new()).into(), page.scale);
+    pages.into_iter().map(add).collect()
+}
+
+/// The lightmap without the scene: the root's data and each node's rectangle.
+fn sidecar(root: Value, scene: &Scene, rectangles: &[(u32, crate::atlas::Placement)]) -> Vec<u8> {
+    let node = |(index, placement): &(u32, crate::atlas::Placement)| {
+        let name = scene.instances.iter().find(|i| i.node == *index).map_or("", |i| &i.name);
+        let mut node = vertices::object(json!({ "node": index, "name": name }));
+        node.extend(vertices::object(bind::node_data(placement)));
+        Value::from(node)
+    };
+    let mut all = vertices::object(root);
+    all.insert("nodes".into(), rectangles.iter().map(node).collect());
+    let mut text = format!("{:#}", Value::from(all)).into_bytes();
+    text.push(b'\n');
+    text
+}
