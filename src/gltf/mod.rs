@@ -1,4 +1,5 @@
 //! The two doors: [`read()`] gives a [`Document`] and a [`crate::scene::Scene`], [`write()`] binds lightmaps to the document.
+//! The two doors: [`read`] gives a [`Document`] and a [`crate::scene::Scene`], [`write`] binds lightmaps to the document.
 
 mod document;
 mod read;

@@ -106,7 +106,7 @@ impl Builder {
                 self.json.as_object_mut().unwrap().remove(key);
             }
         }
-        Document { path: path.into(), json: self.json, buffers: vec![self.buffer], is_glb: true }
+        Document { path: path.into(), json: self.json, buffers: vec![self.buffer], is_glb: true, external: Vec::new() }
     }
 }
 
@@ -121,14 +121,14 @@ pub fn load(path: &Path) -> Document {
         let name = |b: &Value| b["uri"].as_str().unwrap().replace("%20", " ");
         let read = |b: &Value| std::fs::read(path.with_file_name(name(b))).unwrap();
         let buffers = json["buffers"].as_array().unwrap().iter().map(read).collect();
-        return Document { path: path.into(), json, buffers, is_glb: false };
+        return Document { path: path.into(), json, buffers, is_glb: false, external: Vec::new() };
     }
     let u32_at = |i: usize| u32::from_le_bytes(bytes[i..i + 4].try_into().unwrap()) as usize;
     assert_eq!(u32_at(8), bytes.len());
     let length = u32_at(12);
     let json: Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
     let binary = bytes.get(28 + length..).unwrap_or_default().to_vec();
-    Document { path: path.into(), json, buffers: vec![binary], is_glb: true }
+    Document { path: path.into(), json, buffers: vec![binary], is_glb: true, external: Vec::new() }
 }
 
 /// The numbers of an accessor that is neither sparse nor normalized, as f64.

@@ -32,7 +32,13 @@ pub fn write_flat(
     exposure: f32,
     path: &Path,
 ) -> Result<Vec<String>> {
-    let source = Document { path: path.into(), json: head(pages.len()), buffers: Vec::new(), is_glb: true };
+    let source = Document {
+        path: path.into(),
+        json: head(pages.len()),
+        buffers: Vec::new(),
+        is_glb: true,
+        external: Vec::new(),
+    };
     let mut store = Store::new(&source);
     for (size, radiance) in pages {
         let texel = |v: &Vec3| (*v * exposure).to_array().map(|c| (math::linear_to_srgb(c) * 255.0 + 0.5) as u8);

@@ -1,0 +1,225 @@
+//! The options, their help and their ranges.
+
+use super::values::{self, CameraWish, SkyWish, SunWish};
+use clap::{ArgGroup, Parser, Subcommand, ValueEnum, builder::RangedU64ValueParser};
+use std::path::PathBuf;
+
+/// Bakes global illumination into glTF scenes: glTF in, the same glTF with HDR lightmaps out.
+#[derive(Debug, Parser)]
+#[command(name = "luxel", version, arg_required_else_help = true, after_help = EXAMPLE)]
+pub struct Args {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+const EXAMPLE: &str = "Example: luxel bake scene.glb --sun 40,35,100000 --sky 4000,5000,7000 --preview scene.png";
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Bake the light of a scene into lightmaps
+    Bake(Box<Bake>),
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  luxel bake scene.glb
+      writes scene.lit.glb, with one lightmap of 1024 x 1024
+  luxel bake scene.gltf -o lit/scene.glb --texels-per-meter 32 --sky sky.hdr,1.5,90 --sun 40,35,100000
+      as many pages as 32 texels per metre need, under a picture of the sky and a sun
+  luxel bake scene.glb --report - --quiet > report.json
+
+Exit codes: 0 done; 1 failed, or done with warnings under --strict; 2 wrong usage; 3 the input is missing, invalid or
+unsupported; 130 interrupted.";
+
+#[derive(Debug, clap::Args)]
+#[command(arg_required_else_help = true, after_help = EXAMPLES)]
+#[command(group = ArgGroup::new("size").args(["resolution", "texels_per_meter"]))]
+#[command(group = ArgGroup::new("layout").args(["keep_uv", "unwrap"]))]
+pub struct Bake {
+    /// The scene, .glb or .gltf
+    #[arg(value_name = "IN")]
+    pub input: PathBuf,
+
+    /// The lit scene, .glb or .gltf; it may be IN [default: IN.lit.glb or IN.lit.gltf]
+    #[arg(short, long = "output", value_name = "OUT")]
+    pub output: Option<PathBuf>,
+
+    /// One page of N x N texels, the density chosen to fill it, 1 to 32768 [default: 1024]
+    #[arg(long, value_name = "N", help_heading = "Size", value_parser = edge())]
+    pub resolution: Option<u32>,
+
+    /// Texels per metre, above 0, on as many pages as needed
+    #[arg(long, value_name = "T", help_heading = "Size", value_parser = values::density, allow_hyphen_values = true)]
+    pub texels_per_meter: Option<f64>,
+
+    /// Largest edge of a page in texels, 1 to 32768 [default: 4096, or --resolution if that is more]
+    #[arg(long, value_name = "N", help_heading = "Size", value_parser = edge())]
+    pub page_size: Option<u32>,
+
+    /// Use the author's TEXCOORD_1 as the lightmap's layout
+    #[arg(long, help_heading = "Size")]
+    pub keep_uv: bool,
+
+    /// Who makes the layout [default: uvunwrap]
+    #[arg(long, value_name = "NAME", help_heading = "Size", value_enum)]
+    pub unwrap: Option<Unwrap>,
+
+    /// Leave out nodes whose name matches, with all that is below them (*, ?, [a-z], {a,b}); may be repeated
+    #[arg(long, value_name = "GLOB", help_heading = "Size", value_parser = values::glob)]
+    pub exclude: Vec<String>,
+
+    /// Rays a texel for indirect light, 1 to 65536: half the noise for about three times the rays
+    #[arg(long, value_name = "N", help_heading = "Effort", default_value = "256",
+          value_parser = RangedU64ValueParser::<u32>::new().range(1..=65536))]
+    pub rays: u32,
+
+    /// Threads, 1 to 1024; the result does not depend on them [default: one a processor]
+    #[arg(long, value_name = "N", help_heading = "Effort",
+          value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
+    pub threads: Option<usize>,
+
+    /// Radiance of the sky, one colour or an equirectangular picture (.exr, .hdr; +Y up, centre towards -Z), with a
+    /// factor and a rotation about +Y in degrees [default: black]
+    #[arg(long, value_name = "R,G,B | FILE[,SCALE[,ROTATION]]", help_heading = "Light",
+          value_parser = values::sky, allow_hyphen_values = true)]
+    pub sky: Option<SkyWish>,
+
+    /// A sun: azimuth from +Z towards +X and elevation above the horizon in degrees, lux across the beam, and the
+    /// disc's diameter in degrees [default: none; ANGLE .53]
+    #[arg(long, value_name = "AZIMUTH,ELEVATION,LUX[,ANGLE]", help_heading = "Light",
+          value_parser = values::sun, allow_hyphen_values = true)]
+    pub sun: Option<SunWish>,
+
+    /// Factor on the file's punctual lights, 0 to 1e9
+    #[arg(long, value_name = "X", help_heading = "Light", default_value = "1",
+          value_parser = values::light_scale, allow_hyphen_values = true)]
+    pub light_scale: f32,
+
+    /// Largest diffuse reflectance, above 0, at most .9999; more is capped
+    #[arg(long, value_name = "R", help_heading = "Light", default_value = ".98",
+          value_parser = values::reflectance, allow_hyphen_values = true)]
+    pub max_reflectance: f32,
+
+    /// What the maps hold: all light, first-hit light of lights and sun, or everything else
+    #[arg(long, value_name = "NAME", help_heading = "Light", value_enum, default_value = "full")]
+    pub content: Content,
+
+    /// Also write a picture of the baked scene, 960 x 540
+    #[arg(long, value_name = "FILE.png", help_heading = "Output", value_parser = values::png())]
+    pub preview: Option<PathBuf>,
+
+    /// The preview's view: a camera of the file by its name, or eye and target in metres [default: the file's first
+    /// camera, or one that shows much of the scene]
+    #[arg(long, value_name = "NAME | X,Y,Z,X,Y,Z", help_heading = "Output", requires = "preview",
+          value_parser = values::camera, allow_hyphen_values = true)]
+    pub camera: Option<CameraWish>,
+
+    /// Also write a file that looks lit in every glTF viewer: unlit materials with the light in PNG textures
+    #[arg(long, value_name = "FILE.glb", help_heading = "Output", value_parser = values::glb())]
+    pub flat: Option<PathBuf>,
+
+    /// Also write the lightmaps as EXR files and a JSON beside OUT
+    #[arg(long, help_heading = "Output")]
+    pub sidecar: bool,
+
+    /// Take the baked lights out of the file, for loaders that do not know LUXEL_lightmap
+    #[arg(long, help_heading = "Output")]
+    pub strip_lights: bool,
+
+    /// Store 32 bits a channel instead of 16
+    #[arg(long, help_heading = "Output")]
+    pub float: bool,
+
+    /// Write the report as JSON to a file, or to stdout (-) instead of the summary
+    #[arg(long, value_name = "FILE.json | -", help_heading = "Output")]
+    pub report: Option<PathBuf>,
+
+    /// Show no progress; warnings and errors are still shown
+    #[arg(long, help_heading = "Output")]
+    pub quiet: bool,
+
+    /// End with exit code 1 if there are warnings; the output is written all the same
+    #[arg(long, help_heading = "Output")]
+    pub strict: bool,
+}
+
+/// Who makes the layout.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Unwrap {
+    Uvunwrap,
+    /// Needs the cargo feature `xatlas`
+    Xatlas,
+}
+
+/// What the maps hold.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Content {
+    Full,
+    Direct,
+    Indirect,
+}
+
+fn edge() -> RangedU64ValueParser<u32> {
+    RangedU64ValueParser::new().range(1..=32768)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    fn parse(options: &[&str]) -> Result<Bake, clap::Error> {
+        let Command::Bake(bake) =
+            Args::try_parse_from(["luxel", "bake", "a.glb"].iter().chain(options)).map(|a| a.command)?;
+        Ok(*bake)
+    }
+
+    #[test]
+    fn the_options_are_sound() {
+        Args::command().debug_assert();
+    }
+
+    #[test]
+    fn defaults_are_those_of_the_library() {
+        let (bake, options) = (parse(&[]).unwrap(), luxel::bake::Options::default());
+        assert_eq!((bake.rays, bake.max_reflectance), (options.rays, options.max_reflectance));
+    }
+
+    #[test]
+    fn what_is_out_of_range_is_wrong_usage() {
+        let wrong: &[&[&str]] = &[
+            &["--resolution", "0"],
+            &["--resolution", "32769"],
+            &["--resolution", "1024", "--texels-per-meter", "4"],
+            &["--texels-per-meter", "0"],
+            &["--texels-per-meter", "nan"],
+            &["--texels-per-meter", "-3"],
+            &["--keep-uv", "--unwrap", "xatlas"],
+            &["--unwrap", "blender"],
+            &["--exclude", "[a"],
+            &["--rays", "0"],
+            &["--rays", "65537"],
+            &["--threads", "0"],
+            &["--max-reflectance", "1"],
+            &["--light-scale", "-1"],
+            &["--light-scale", "inf"],
+            &["--content", "half"],
+            &["--camera", "Main"],
+            &["--preview", "a.jpg"],
+            &["--flat", "a.gltf"],
+            &["--bounces", "3"],
+            &["--error", "2%"],
+            &["b.glb"],
+        ];
+        for options in wrong {
+            let error = parse(options).expect_err(&format!("{options:?}"));
+            assert_eq!(error.exit_code(), 2, "{options:?}");
+        }
+    }
+
+    #[test]
+    fn negative_numbers_are_values() {
+        let bake = parse(&["--sun", "-90,45,1000", "--preview", "a.png", "--camera", "-1,0,0,0,0,0"]).unwrap();
+        assert!(bake.sun.is_some() && bake.camera.is_some());
+    }
+}

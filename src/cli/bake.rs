@@ -1,0 +1,160 @@
+//! `luxel bake`: read, bake, write, tell.
+
+use super::{
+    args::{self, Content, Unwrap},
+    camera, console, lights, outputs,
+    outputs::Outputs,
+    pictures,
+    progress::Progress,
+    signals,
+    summary::{self, Extra},
+};
+use luxel::{
+    atlas,
+    bake::{self, Baked, Options},
+    error::{Error, Result},
+    files, gltf, lightmaps, memory, progress,
+    report::Report,
+    scene::{Camera, Scene},
+};
+use std::{path::Path, process::ExitCode};
+
+/// Bakes as the options say.
+pub fn run(args: &args::Bake) -> Result<ExitCode> {
+    signals::listen();
+    let options = options(args)?;
+    start_threads(args.threads)?;
+    let outputs = outputs::resolve(args)?;
+    let reading = gltf::ReadOptions { exclude: args.exclude.clone(), light_scale: args.light_scale };
+    let gltf::Input { document, mut scene, warnings } = gltf::read(&args.input, &reading)?;
+    let mut said = Warnings::default();
+    said.add(warnings);
+    said.add(lights::add(&mut scene, args.sky.as_ref(), args.sun.as_ref())?);
+    let camera = camera::choose(&scene, args.camera.as_ref())?;
+
+    let observer = Progress::new(args.quiet);
+    let baked = bake::bake(&scene, &options, &observer);
+    observer.finish();
+    let mut baked = baked?;
+    said.add(std::mem::take(&mut baked.report.warnings));
+    baked.report.warnings = said.all.clone();
+
+    let written = write(args, &document, &scene, &baked, camera, &outputs)?;
+    said.add(written.notes);
+    let report = Report { warnings: said.all, peak_memory_mb: memory::peak_mb(), ..baked.report };
+    tell(&report, &outputs, &written.extras)?;
+    Ok(ExitCode::from(u8::from(args.strict && !report.warnings.is_empty())))
+}
+
+/// What the user should know, each sentence once, on stderr as soon as it is known.
+#[derive(Default)]
+struct Warnings {
+    all: Vec<String>,
+}
+
+impl Warnings {
+    fn add(&mut self, sentences: Vec<String>) {
+        for sentence in sentences {
+            if !self.all.contains(&sentence) {
+                console::warning(&sentence);
+                self.all.push(sentence);
+            }
+        }
+    }
+}
+
+fn options(args: &args::Bake) -> Result<Options> {
+    let unwrap = match args.unwrap {
+        _ if args.keep_uv => atlas::Unwrap::Keep,
+        None | Some(Unwrap::Uvunwrap) => atlas::Unwrap::Uvunwrap,
+        Some(Unwrap::Xatlas) if cfg!(feature = "xatlas") => atlas::Unwrap::Xatlas,
+        Some(Unwrap::Xatlas) => {
+            let remedy = "build it with `cargo install luxel --features xatlas`, or use --unwrap uvunwrap";
+            return Err(Error::Usage(format!("--unwrap xatlas: this luxel was built without xatlas\n  {remedy}")));
+        }
+    };
+    let defaults = atlas::Options::default();
+    let density = match (args.texels_per_meter, args.resolution) {
+        (Some(t), _) => atlas::Density::TexelsPerMeter(t),
+        (None, Some(n)) => atlas::Density::Resolution(n),
+        (None, None) => defaults.density,
+    };
+    let edge = if let atlas::Density::Resolution(n) = density { n } else { 0 };
+    let page_size = match args.page_size {
+        None => defaults.page_size.max(edge),
+        Some(size) if args.resolution.is_some_and(|n| n > size) => {
+            let what = format!("--page-size {size} is smaller than the one page of --resolution {edge}");
+            return Err(Error::Usage(format!("{what}\n  leave one of them out, or use --texels-per-meter")));
+        }
+        Some(size) => size,
+    };
+    // A small --page-size alone makes the default page smaller, too.
+    let density = match density {
+        atlas::Density::Resolution(n) => atlas::Density::Resolution(n.min(page_size)),
+        other => other,
+    };
+    let content = match args.content {
+        Content::Full => lightmaps::Content::Full,
+        Content::Direct => lightmaps::Content::Direct,
+        Content::Indirect => lightmaps::Content::Indirect,
+    };
+    let atlas = atlas::Options { unwrap, density, page_size };
+    Ok(Options { atlas, rays: args.rays, max_reflectance: args.max_reflectance, content })
+}
+
+fn start_threads(threads: Option<usize>) -> Result<()> {
+    let Some(n) = threads else { return Ok(()) };
+    let started = rayon::ThreadPoolBuilder::new().num_threads(n).build_global();
+    started.map_err(|e| Error::Usage(format!("--threads {n}: {e}\n  try fewer threads")))
+}
+
+struct Written<'a> {
+    notes: Vec<String>,
+    extras: Vec<Extra<'a>>,
+}
+
+/// Pictures are painted first, so that one can still stop; then everything is written.
+fn write<'a>(
+    args: &args::Bake,
+    document: &gltf::Document,
+    scene: &Scene,
+    baked: &Baked,
+    camera: Option<Camera>,
+    outputs: &'a Outputs,
+) -> Result<Written<'a>> {
+    let picture = outputs.preview.as_deref().map(|file| (file, pictures::preview(scene, baked, camera)));
+    let flat = outputs.flat.as_deref().map(|file| (file, pictures::flat(baked)));
+    progress::check(&Progress::new(true))?;
+    signals::begin_writing();
+    let Baked { atlas, lightmaps, report, .. } = baked;
+    let writing = gltf::WriteOptions {
+        float: args.float,
+        sidecar: args.sidecar,
+        strip_lights: args.strip_lights,
+        baked_lights: lights::baked(scene, lightmaps.content),
+    };
+    let mut notes = gltf::write(document, scene, atlas, lightmaps, report, &writing, &outputs.scene)?;
+    let mut extras = Vec::new();
+    if let Some((file, picture)) = picture {
+        pictures::write(&picture, file)?;
+        extras.push(Extra { name: "preview", file, exposure: picture.exposure });
+    }
+    if let Some((file, (pages, exposure))) = flat {
+        notes.extend(gltf::write_flat(document, scene, atlas, &pages, exposure, file)?);
+        extras.push(Extra { name: "flat", file, exposure });
+    }
+    Ok(Written { notes, extras })
+}
+
+fn tell(report: &Report, outputs: &Outputs, extras: &[Extra]) -> Result<()> {
+    let json = || {
+        let json = serde_json::to_string_pretty(report).map(|text| text + "\n");
+        json.map_err(|e| Error::writing(outputs.report.as_deref().unwrap_or(Path::new("-")), e.into()))
+    };
+    if let Some(file) = &outputs.report {
+        let json = json()?;
+        files::write_whole(file, |out| out.write_all(json.as_bytes()))?;
+    }
+    let text = if outputs.report_on_stdout { json()? } else { summary::text(report, &outputs.scene, extras) };
+    console::print(&text)
+}

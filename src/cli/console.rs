@@ -1,0 +1,29 @@
+//! Lines for the user. A closed pipe ends the talk, never the program.
+
+use luxel::error::{Error, Result};
+use std::io::{ErrorKind, Write};
+use std::path::Path;
+
+/// One line on stderr.
+pub fn note(line: &str) {
+    let _ = writeln!(std::io::stderr().lock(), "{line}");
+}
+
+/// What the user should know.
+pub fn warning(text: &str) {
+    note(&format!("warning: {text}"));
+}
+
+/// Why it failed, and what to do.
+pub fn error(error: &Error) {
+    note(&format!("error: {error}"));
+}
+
+/// The result, on stdout.
+pub fn print(text: &str) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(Error::writing(Path::new("standard output"), e)),
+        _ => Ok(()),
+    }
+}

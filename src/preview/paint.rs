@@ -1,0 +1,118 @@
+//! The picture: two by two rays a pixel, exposed for what is seen, rolled off in the highlights, sRGB.
+
+use super::{Cast, axes, half_extent, see};
+use crate::{
+    math::{linear_to_srgb, luminance},
+    scene::{Camera, Sky},
+};
+use glam::{UVec2, Vec2, Vec3};
+use rayon::prelude::*;
+
+/// A finished picture.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    /// Width and height.
+    pub size: UVec2,
+    /// sRGB, rows from the top.
+    pub rgb: Vec<[u8; 3]>,
+    /// Factor from radiance to the linear values shown.
+    pub exposure: f32,
+}
+
+/// Rays a pixel and axis.
+const GRID: u32 = 2;
+
+/// What `camera` sees.
+pub fn paint(cast: &Cast, sky: &Sky, camera: &Camera, size: UVec2) -> Picture {
+    let aspect = size.x as f32 / size.y as f32;
+    let (tan_x, tan_y) = half_extent(camera.yfov, aspect);
+    let (right, up) = axes(camera.forward, camera.up);
+    let fine = size * GRID;
+    let radiance = |x: u32, y: u32| {
+        let at = (Vec2::new(x as f32, y as f32) + 0.5) / fine.as_vec2() * 2.0 - 1.0;
+        let direction = (camera.forward + right * (at.x * tan_x) - up * (at.y * tan_y)).normalize();
+        see(cast, camera.eye, direction).map_or((sky.radiance(direction), false), |(s, _)| (s.radiance, true))
+    };
+    let rows = (0..fine.y).into_par_iter().flat_map_iter(|y| (0..fine.x).map(move |x| (x, y)));
+    let seen: Vec<(Vec3, bool)> = rows.map(|(x, y)| radiance(x, y)).collect();
+    let exposure = auto_exposure(seen.iter().filter(|s| s.1).map(|s| luminance(s.0)).collect());
+    let pixel = |x: u32, y: u32| {
+        let cell = (0..GRID * GRID).map(|k| ((y * GRID + k / GRID) * fine.x + x * GRID + k % GRID) as usize);
+        let sum: Vec3 = cell.map(|k| shown(seen[k].0 * exposure)).sum();
+        srgb(sum / (GRID * GRID) as f32)
+    };
+    let rgb = (0..size.y).flat_map(|y| (0..size.x).map(move |x| (x, y))).map(|(x, y)| pixel(x, y)).collect();
+    Picture { size, rgb, exposure }
+}
+
+/// Factor that shows surfaces of these luminances well: the 95th percentile at .8, unless a few lights or patches of
+/// sun are that bright and leave the rest in the dark; then their mean (logarithmic) at .18. 1 where all is black.
+pub fn auto_exposure(mut luminances: Vec<f32>) -> f32 {
+    luminances.retain(|l| *l > 0.0 && l.is_finite());
+    if luminances.is_empty() {
+        return 1.0;
+    }
+    let rank = (luminances.len() - 1) * 95 / 100;
+    let bright = *luminances.select_nth_unstable_by(rank, f32::total_cmp).1;
+    // In order, so that the sum is the same however the selection moved them.
+    luminances.sort_unstable_by(f32::total_cmp);
+    let log = |l: &f32| f64::from(libm::logf(l.max(bright * 1e-4)));
+    let mean = libm::exp(luminances.iter().map(log).sum::<f64>() / luminances.len() as f64) as f32;
+    // `shown` maps .877 to .8.
+    let exposure = (0.18 / mean).clamp(0.877 / bright, 4.0 / bright);
+    if exposure.is_finite() && exposure > 0.0 { exposure } else { 1.0 }
+}
+
+/// Linear up to .6, then a smooth shoulder to 1.
+fn shown(c: Vec3) -> Vec3 {
+    c.map(|x| if x <= 0.6 { x } else { 1.0 - 0.4 * libm::expf((0.6 - x) / 0.4) })
+}
+
+/// sRGB code of a linear colour, clamped.
+pub fn srgb(c: Vec3) -> [u8; 3] {
+    c.to_array().map(|x| (linear_to_srgb(x) * 255.0 + 0.5) as u8)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exposure_scales_inversely_with_the_light() {
+        let lights = |scale: f32| (1..=1000).map(|i| i as f32 * scale).collect::<Vec<_>>();
+        let (dim, bright) = (auto_exposure(lights(1e-3)), auto_exposure(lights(1e3)));
+        assert!((dim / bright / 1e6 - 1.0).abs() < 1e-4);
+        assert!((shown(Vec3::splat(950.0 * 1e-3 * dim)).x - 0.8).abs() < 0.02);
+    }
+
+    #[test]
+    fn a_bright_tenth_does_not_leave_the_rest_in_the_dark() {
+        let mut mixed = vec![1.0f32; 900];
+        mixed.extend([100.0; 100]);
+        assert!(auto_exposure(mixed) > 0.877 / 100.0 * 3.0);
+    }
+
+    #[test]
+    fn darkness_and_nonsense_have_an_exposure() {
+        for luminances in [vec![], vec![0.0; 9], vec![f32::NAN, -1.0], vec![f32::INFINITY], vec![1e-45]] {
+            assert!(auto_exposure(luminances).is_finite());
+        }
+    }
+
+    #[test]
+    fn a_picture_has_its_top_first() {
+        let sky = |_: Vec3, d: Vec3| {
+            (d.y > 0.0).then_some(super::super::Sight { distance: 1.0, front: true, radiance: Vec3::ONE })
+        };
+        let camera = super::super::at(Vec3::ZERO, Vec3::NEG_Z, 1.0);
+        let picture = paint(&sky, &Sky::Black, &camera, UVec2::new(4, 4));
+        assert_eq!((picture.rgb.len(), picture.rgb[15]), (16, [0; 3]));
+        assert!(picture.rgb[0][0] > 200);
+    }
+
+    #[test]
+    fn the_shoulder_is_smooth_and_stays_below_one() {
+        assert!((shown(Vec3::splat(0.6001)).x - 0.6001).abs() < 1e-5);
+        assert!(shown(Vec3::splat(100.0)).x <= 1.0);
+    }
+}

@@ -1,0 +1,107 @@
+//! The program end to end: what it writes, what it says, and how it ends.
+
+mod program;
+
+use program::Folder;
+
+const QUICK: &str = "--resolution 32 --rays 16";
+
+#[test]
+#[ignore = "needs the whole pipeline"]
+fn the_default_output_lies_beside_the_input() {
+    let folder = Folder::new();
+    let said = folder.luxel(&format!("bake room.gltf {QUICK}"));
+    assert_eq!(said.code, 0, "{}", said.err);
+    assert!(said.out.starts_with("output     room.lit.gltf\n"), "{}", said.out);
+    assert!(folder.path("room.lit.gltf").is_file());
+    assert!(folder.files().iter().all(|f| !f.starts_with('.')), "{:?}", folder.files());
+}
+
+#[test]
+#[ignore = "needs the whole pipeline"]
+fn a_baked_file_can_be_baked_onto_itself() {
+    let folder = Folder::new();
+    assert_eq!(folder.luxel(&format!("bake room.gltf -o a.lit.glb {QUICK}")).code, 0);
+    let first = std::fs::read(folder.path("a.lit.glb")).unwrap();
+    let said = folder.luxel(&format!("bake a.lit.glb {QUICK} --sky 1,1,1"));
+    assert_eq!(said.code, 0, "{}", said.err);
+    assert_ne!(first, std::fs::read(folder.path("a.lit.glb")).unwrap());
+    assert_eq!(folder.files(), ["a.lit.glb", "room.gltf"]);
+}
+
+#[test]
+#[ignore = "needs the whole pipeline"]
+fn threads_do_not_change_a_byte() {
+    let folder = Folder::new();
+    for threads in [1, 3] {
+        let said = folder.luxel(&format!("bake room.gltf -o {threads}.glb --threads {threads} {QUICK}"));
+        assert_eq!(said.code, 0, "{}", said.err);
+    }
+    let bytes = |name| std::fs::read(folder.path(name)).unwrap();
+    assert_eq!(bytes("1.glb"), bytes("3.glb"));
+}
+
+#[test]
+#[ignore = "needs the whole pipeline"]
+fn the_report_is_json_and_alone_on_stdout() {
+    let folder = Folder::new();
+    let said = folder.luxel(&format!("bake room.gltf -o a.glb {QUICK} --report - --quiet"));
+    assert_eq!((said.code, said.err.as_str()), (0, ""));
+    let report: serde_json::Value = serde_json::from_str(&said.out).unwrap();
+    assert_eq!(report["schema"], luxel::report::SCHEMA);
+    assert!(report["texels"].as_u64().unwrap() > 0);
+}
+
+#[test]
+#[ignore = "needs the whole pipeline"]
+fn every_wished_file_appears() {
+    let folder = Folder::new();
+    let options = "-o a.glb --preview a.png --flat flat.glb --report a.json --sidecar --float --strip-lights";
+    let said = folder.luxel(&format!("bake room.gltf {QUICK} {options}"));
+    assert_eq!(said.code, 0, "{}", said.err);
+    for name in ["a.glb", "a.png", "flat.glb", "a.json"] {
+        assert!(folder.path(name).is_file(), "{name} is missing: {:?}", folder.files());
+    }
+    assert!(said.out.contains("preview    a.png, exposure "), "{}", said.out);
+    assert!(folder.luxel(&format!("bake room.gltf {QUICK} --preview b.png --camera 3,1,0,0,0,0")).code == 0);
+    assert_ne!(std::fs::read(folder.path("a.png")).unwrap(), std::fs::read(folder.path("b.png")).unwrap());
+}
+
+#[test]
+#[ignore = "needs the whole pipeline"]
+fn warnings_are_code_0_and_with_strict_1() {
+    let folder = Folder::new();
+    // Without its lamp the room has no light at all.
+    let dark = format!("bake room.gltf -o a.glb {QUICK} --exclude Lamp");
+    let said = folder.luxel(&dark);
+    assert_eq!(said.code, 0, "{}", said.err);
+    assert_eq!(said.err.matches("warning: the scene has no light").count(), 1, "{}", said.err);
+    std::fs::remove_file(folder.path("a.glb")).unwrap();
+    let said = folder.luxel(&format!("{dark} --strict --quiet"));
+    assert_eq!(said.code, 1, "{}", said.err);
+    assert!(said.err.contains("warning: ") && folder.path("a.glb").is_file());
+}
+
+#[test]
+#[ignore = "needs the whole pipeline"]
+fn a_closed_pipe_does_not_spoil_a_bake() {
+    use std::process::Stdio;
+    let folder = Folder::new();
+    let mut command = folder.command(&format!("bake room.gltf -o a.glb {QUICK}"));
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    drop((child.stdout.take(), child.stderr.take()));
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert!(folder.path("a.glb").is_file());
+}
+
+#[cfg(unix)]
+#[test]
+#[ignore = "needs the whole pipeline"]
+fn an_interrupted_bake_writes_nothing() {
+    let folder = Folder::new();
+    let mut child = folder.command("bake room.gltf --resolution 2048 --rays 65536 --quiet").spawn().unwrap();
+    std::thread::sleep(std::time::Duration::from_millis(800));
+    std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert_eq!(folder.files(), ["room.gltf"]);
+}
