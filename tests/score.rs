@@ -1,0 +1,108 @@
+//! A Cornell box baked in full, held against an unbiased path tracer. `tests/data/README.md` says where the truth is
+//! from; the scorer itself is tested against figures of an independent one.
+
+mod common {
+    pub mod npz;
+    pub mod score;
+}
+
+use common::score::{self, Metrics, Truth};
+use glam::{DVec3, UVec2, Vec2, Vec3, dvec3};
+use luxel::{
+    atlas::{self, Atlas, Density, Layout, Placement, Unwrap},
+    bake::{self, Baked},
+    lightmaps::{Lightmaps, Map},
+    progress::Silent,
+    scene::Scene,
+};
+use std::path::PathBuf;
+
+const RESOLUTION: u32 = 256;
+const RAYS: u32 = 256;
+
+#[test]
+fn authors_layout_agrees_with_the_path_tracer() {
+    let (scene, truth) = cornell();
+    let baked = bake(&scene, Unwrap::Keep);
+    let found = Metrics::new(&truth, &score::texels(&baked.lightmaps, &truth));
+    println!("{found}");
+    assert!(found.rrmse <= 0.02 && found.dark <= 0.035 && found.border <= 0.03, "{found}");
+    assert!(found.bias.abs() <= 0.003, "{found}");
+    assert_eq!(found.missing, 0, "{found}");
+}
+
+#[test]
+fn own_unwrap_agrees_with_the_path_tracer() {
+    let (scene, truth) = cornell();
+    let baked = bake(&scene, Unwrap::Uvunwrap);
+    let found = Metrics::new(&truth, &score::probe(&scene, &baked.atlas, &baked.lightmaps, &truth));
+    println!("{found}");
+    assert!(found.rrmse <= 0.026 && found.dark <= 0.045 && found.border <= 0.05, "{found}");
+    assert_eq!(found.missing, 0, "{found}");
+}
+
+/// The figures are those that a scorer in another language gave for the same values.
+#[test]
+fn metrics_are_those_of_the_other_scorer() {
+    let (scene, truth) = cornell();
+    let off = |i: usize, c: usize| 1.0 + 0.02 * (((i * 7 + c * 3) % 11) as f64 - 4.5);
+    let noisy = |(i, t): (usize, &score::TruthTexel)| Some(t.irradiance * dvec3(off(i, 0), off(i, 1), off(i, 2)));
+    let values: Vec<Option<DVec3>> = truth.texels.iter().enumerate().map(noisy).collect();
+    let figures = [0.0904408, 0.0802684, 0.0863877, 0.0101653, 0.0270022, 0.0617963];
+    assert_figures(&Metrics::new(&truth, &values), figures, 1e-6);
+
+    let (atlas, maps) = chequered(&scene);
+    let by_texel = [2.3857300, 4.8563872, 2.5723889, 1.5252583, 1.8339187, 11.0642656];
+    assert_figures(&Metrics::new(&truth, &score::texels(&maps, &truth)), by_texel, 1e-6);
+    let by_point = [1.9514352, 4.0993924, 2.1675783, 1.5270876, 1.8777772, 10.8668260];
+    assert_figures(&Metrics::new(&truth, &score::probe(&scene, &atlas, &maps, &truth)), by_point, 1e-5);
+}
+
+#[test]
+fn surface_without_lightmap_is_missing() {
+    let (scene, truth) = cornell();
+    let (mut atlas, maps) = chequered(&scene);
+    atlas.placements[0] = None;
+    let missing = Metrics::new(&truth, &score::probe(&scene, &atlas, &maps, &truth)).missing;
+    assert!(missing > 0 && missing < truth.texels.len(), "{missing} texels");
+}
+
+fn cornell() -> (Scene, Truth) {
+    let data = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data");
+    let scene = score::read_scene(&data.join("cornell.glb")).expect("the scene");
+    (scene, Truth::read(&data.join("cornell.npz")).expect("the truth"))
+}
+
+fn bake(scene: &Scene, unwrap: Unwrap) -> Baked {
+    let atlas = atlas::Options { unwrap, density: Density::Resolution(RESOLUTION), ..atlas::Options::default() };
+    let options = bake::Options { atlas, rays: RAYS, ..bake::Options::default() };
+    bake::bake(scene, &options, &Silent).expect("a bake")
+}
+
+/// The author's layout and a map of numbers that change from texel to texel.
+fn chequered(scene: &Scene) -> (Atlas, Lightmaps) {
+    let layout = |mesh: &luxel::scene::Mesh| Layout {
+        uv: mesh.uvs[1].clone(),
+        triangles: mesh.triangles.clone(),
+        ..Layout::default()
+    };
+    let whole_page = Some(Placement { page: 0, offset: Vec2::ZERO, scale: Vec2::ONE });
+    let atlas = Atlas {
+        layouts: scene.meshes.iter().map(layout).collect(),
+        placements: vec![whole_page; scene.instances.len()],
+        kept: true,
+        ..Atlas::default()
+    };
+    let size = RESOLUTION as usize;
+    let number = |i: usize, c: usize| ((i % size * 7 + i / size * 13 + c * 5) % 17) as f32 * 0.125;
+    let irradiance = (0..size * size).map(|i| Vec3::new(number(i, 0), number(i, 1), number(i, 2))).collect();
+    let map = Map { size: UVec2::splat(RESOLUTION), irradiance, ..Map::default() };
+    (atlas, Lightmaps { pages: vec![map], ..Lightmaps::default() })
+}
+
+fn assert_figures(m: &Metrics, expected: [f64; 6], tolerance: f64) {
+    let found = [m.rrmse, m.dark, m.border, m.bias, m.median, m.p95];
+    let close = found.iter().zip(expected).all(|(f, e)| (f - e).abs() <= tolerance * e.abs().max(1.0));
+    assert!(close, "{found:.7?}, not {expected:.7?}");
+    assert_eq!(m.missing, 0);
+}
