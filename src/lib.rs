@@ -10,6 +10,8 @@
 //! Units: metres, radiometric quantities without spectral weight; the lightmap stores irradiance E. Linear Rec. 709.
 
 pub mod error;
+pub mod files;
+pub mod memory;
 pub mod progress;
 pub mod report;
 
@@ -30,5 +32,7 @@ pub mod radiosity;
 pub mod lightmaps;
 
 pub mod gltf;
+
+pub mod preview;
 
 pub mod bake;

@@ -40,6 +40,8 @@ pub struct Report {
     pub reflectance: ReflectanceReport,
     /// Texels whose front lies inside other geometry.
     pub buried_texels: usize,
+    /// Texels that show their back, because their front is buried and the back is lit.
+    pub turned_texels: usize,
     /// Relative jump of irradiance across chart seams, 95th percentile.
     pub seam_jump_p95: Option<f64>,
     /// Peak resident memory of the process, in MB.

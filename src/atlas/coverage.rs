@@ -1,6 +1,12 @@
 //! [`Coverage`]: which texels each surface touches, exactly, and with how much area.
+//!
+//! A triangle is clipped against every texel of its bounds, in double precision: a texel is covered if any area of any
+//! triangle lies in it, however little, and a point taken from a fragment lies on the surface inside the texel.
 
-use glam::UVec2;
+use super::Atlas;
+use crate::{math::Polygon, scene::World};
+use glam::{DVec2, IVec2, UVec2, Vec2};
+use rayon::prelude::*;
 
 /// Every covered texel with the pieces of surface inside it.
 #[derive(Clone, Debug, Default)]
@@ -13,10 +19,17 @@ pub struct Coverage {
     pub starts: Vec<u32>,
     /// For each page, row by row, the index in `texels`, or [`NO_TEXEL`].
     pub grids: Vec<Vec<u32>>,
+    /// Size of each page.
+    pub sizes: Vec<UVec2>,
+    /// Texel coordinates of each global triangle on its page.
+    pub charted: Vec<Charted>,
 }
 
 /// An uncovered place of a page.
 pub const NO_TEXEL: u32 = u32::MAX;
+
+/// Page of a triangle without a place in the atlas.
+pub const NO_PAGE: u32 = u32::MAX;
 
 /// A covered place of a page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,8 +43,174 @@ pub struct Texel {
 /// The part of one triangle inside one texel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fragment {
-    /// Global triangle ([`crate::scene::triangle_starts`]).
+    /// Global triangle ([`World`]).
     pub triangle: u32,
     /// World area, m^2.
     pub area: f32,
+}
+
+/// Where a global triangle lies on its page.
+#[derive(Clone, Copy, Debug)]
+pub struct Charted {
+    /// Corners in texels, v down.
+    pub corners: [Vec2; 3],
+    /// Index of the page, or [`NO_PAGE`].
+    pub page: u32,
+}
+
+impl Charted {
+    /// The corners in double precision, for clipping.
+    pub fn exact(&self) -> [DVec2; 3] {
+        self.corners.map(|c| c.as_dvec2())
+    }
+}
+
+impl Coverage {
+    /// Finds every fragment of every placed triangle.
+    pub fn new(world: &World, atlas: &Atlas) -> Self {
+        let charted = charted(world, atlas);
+        let mut bases = vec![0u64];
+        for p in &atlas.pages {
+            bases.push(bases[bases.len() - 1] + u64::from(p.size.x) * u64::from(p.size.y));
+        }
+        let found: Vec<Vec<(u32, Fragment)>> = (0..world.scene.instances.len())
+            .flat_map(|i| chunks(world.triangles_of(i), 256).map(move |range| (i, range)))
+            .collect::<Vec<_>>()
+            .into_par_iter()
+            .map(|(i, range)| {
+                let mut out = Vec::new();
+                for triangle in range {
+                    let c = &charted[triangle as usize];
+                    if c.page != NO_PAGE {
+                        let size = atlas.pages[c.page as usize].size;
+                        fragments(world, i, triangle, c, size, |pixel, fragment| {
+                            out.push(((bases[c.page as usize] + u64::from(pixel)) as u32, fragment));
+                        });
+                    }
+                }
+                out
+            })
+            .collect();
+        let total = bases[bases.len() - 1] as usize;
+        let mut coverage = sorted(&found, total);
+        coverage.charted = charted;
+        coverage.place(atlas, &bases);
+        coverage
+    }
+
+    /// The fragments of a texel.
+    pub fn fragments_of(&self, texel: usize) -> &[Fragment] {
+        &self.fragments[self.starts[texel] as usize..self.starts[texel + 1] as usize]
+    }
+
+    /// The covered texel at texel coordinates `at` of a page.
+    #[inline]
+    pub fn texel_at(&self, page: u32, at: Vec2) -> Option<u32> {
+        self.texel(page, at.floor().as_ivec2())
+    }
+
+    /// A covered texel next to `at`, where rounding put a hit just outside; the one towards `inside` first.
+    #[cold]
+    pub fn texel_beside(&self, page: u32, at: Vec2, inside: Vec2) -> Option<u32> {
+        let home = at.floor().as_ivec2();
+        let step = (inside - at).clamp(Vec2::NEG_ONE, Vec2::ONE) * 1e-2;
+        let near = [IVec2::NEG_ONE, IVec2::ZERO, IVec2::ONE];
+        self.texel_at(page, at + step)
+            .or_else(|| near.iter().flat_map(|y| near.map(|x| home + IVec2::new(x.x, y.y))).find_map(|p| self.texel(page, p)))
+    }
+
+    #[inline]
+    fn texel(&self, page: u32, at: IVec2) -> Option<u32> {
+        let size = self.sizes[page as usize];
+        // A coordinate of exactly 1 belongs to the last texel.
+        let x = if at.x == size.x as i32 { at.x - 1 } else { at.x } as u32;
+        let y = if at.y == size.y as i32 { at.y - 1 } else { at.y } as u32;
+        if x >= size.x || y >= size.y {
+            return None;
+        }
+        let t = self.grids[page as usize][(y * size.x + x) as usize];
+        (t != NO_TEXEL).then_some(t)
+    }
+
+    /// Turns the pixel numbers left in `grids[0]` by [`sorted`] into grids and texels of the pages.
+    fn place(&mut self, atlas: &Atlas, bases: &[u64]) {
+        let all = self.grids.pop().unwrap_or_default();
+        for (page, p) in atlas.pages.iter().enumerate() {
+            let grid = all[bases[page] as usize..bases[page + 1] as usize].to_vec();
+            for (pixel, _) in grid.iter().enumerate().filter(|(_, t)| **t != NO_TEXEL) {
+                let pixel = pixel as u32;
+                self.texels.push(Texel { page: page as u32, at: UVec2::new(pixel % p.size.x, pixel / p.size.x) });
+            }
+            self.grids.push(grid);
+            self.sizes.push(p.size);
+        }
+    }
+}
+
+fn charted(world: &World, atlas: &Atlas) -> Vec<Charted> {
+    let nowhere = Charted { corners: [Vec2::ZERO; 3], page: NO_PAGE };
+    let mut charted = vec![nowhere; world.len() as usize];
+    for (i, placement) in atlas.placements.iter().enumerate() {
+        let Some(p) = placement else { continue };
+        let layout = &atlas.layouts[world.scene.instances[i].mesh as usize];
+        let size = atlas.pages[p.page as usize].size.as_vec2();
+        let range = world.triangles_of(i);
+        let out = &mut charted[range.start as usize..range.end as usize];
+        for (out, t) in out.iter_mut().zip(&layout.triangles) {
+            let corners = t.map(|v| (p.offset + p.scale * layout.uv[v as usize]) * size);
+            *out = Charted { corners, page: p.page };
+        }
+    }
+    charted
+}
+
+/// Calls `found` with the pixel and the fragment for each texel that the triangle covers.
+fn fragments(world: &World, i: usize, triangle: u32, c: &Charted, size: UVec2, mut found: impl FnMut(u32, Fragment)) {
+    let corners = world.corners(i, triangle - world.triangles_of(i).start);
+    let world_area = f64::from(world.cross(i, &corners).length()) * 0.5;
+    let polygon = Polygon::triangle(c.exact());
+    let uv_area = polygon.area();
+    if uv_area <= 0.0 || world_area <= 0.0 {
+        return;
+    }
+    let [p, q, r] = c.exact();
+    let last = size.as_dvec2() - 1.0;
+    let low = p.min(q).min(r).floor().clamp(DVec2::ZERO, last);
+    let high = p.max(q).max(r).floor().clamp(DVec2::ZERO, last);
+    for y in low.y as u32..=high.y as u32 {
+        for x in low.x as u32..=high.x as u32 {
+            let area = polygon.clipped_to_cell(DVec2::new(f64::from(x), f64::from(y))).area() / uv_area * world_area;
+            if area as f32 > 0.0 {
+                found(y * size.x + x, Fragment { triangle, area: area as f32 });
+            }
+        }
+    }
+}
+
+/// Counting sort by pixel; `grids` holds one grid over the pixels of all pages.
+fn sorted(found: &[Vec<(u32, Fragment)>], pixels: usize) -> Coverage {
+    let mut count = vec![0u32; pixels];
+    for (pixel, _) in found.iter().flatten() {
+        count[*pixel as usize] += 1;
+    }
+    let (mut starts, mut grid) = (vec![0u32], vec![NO_TEXEL; pixels]);
+    for (pixel, n) in count.iter_mut().enumerate().filter(|(_, n)| **n > 0) {
+        let begin = starts[starts.len() - 1];
+        grid[pixel] = starts.len() as u32 - 1;
+        starts.push(begin + *n);
+        *n = begin;
+    }
+    let total = starts[starts.len() - 1] as usize;
+    let mut fragments = vec![Fragment { triangle: 0, area: 0.0 }; total];
+    for (pixel, fragment) in found.iter().flatten() {
+        let next = &mut count[*pixel as usize];
+        fragments[*next as usize] = *fragment;
+        *next += 1;
+    }
+    Coverage { fragments, starts, grids: vec![grid], ..Coverage::default() }
+}
+
+fn chunks(range: std::ops::Range<u32>, size: u32) -> impl Iterator<Item = std::ops::Range<u32>> {
+    let end = range.end;
+    range.step_by(size as usize).map(move |start| start..(start + size).min(end))
 }

@@ -5,10 +5,20 @@
 
 mod coverage;
 mod keep;
+mod overlap;
+mod place;
+mod validate;
 
-pub use coverage::{Coverage, Fragment, NO_TEXEL, Texel};
+pub use coverage::{Charted, Coverage, Fragment, NO_PAGE, NO_TEXEL, Texel};
 
+use crate::{
+    error::{Error, Result},
+    progress::{self, Observer},
+    scene::Scene,
+};
 use glam::{UVec2, Vec2};
+use place::{Demand, Packed};
+use std::path::Path;
 
 /// Layouts of all meshes and rectangles of all instances.
 #[derive(Clone, Debug, Default)]
@@ -101,4 +111,83 @@ impl Default for Options {
     fn default() -> Self {
         Options { unwrap: Unwrap::default(), density: Density::Resolution(1024), page_size: 4096 }
     }
+}
+
+/// Smallest page that is made.
+const LEAST_PAGE: u32 = 16;
+/// Largest page that is made: 2^30 texels.
+const LARGEST_PAGE: u32 = 32768;
+
+/// Lays out every mesh and gives every instance its rectangle. `file` is for messages.
+pub fn unwrap(
+    scene: &Scene,
+    options: &Options,
+    file: &Path,
+    observer: &dyn Observer,
+    warnings: &mut Vec<String>,
+) -> Result<Atlas> {
+    options.check()?;
+    progress::check(observer)?;
+    let roles = place::roles(scene);
+    let atlas = match options.unwrap {
+        Unwrap::Keep => keep::unwrap(scene, &roles, options, file, observer, warnings)?,
+        Unwrap::Uvunwrap | Unwrap::Xatlas => return Err(Error::Usage("not there yet".into())),
+    };
+    debug_assert_eq!(atlas.validate(scene), Ok(()));
+    Ok(atlas)
+}
+
+impl Options {
+    /// [`Error::Usage`] for sizes that make no page.
+    fn check(&self) -> Result<()> {
+        let edge = |name: &str, n: u32| match n {
+            LEAST_PAGE..=LARGEST_PAGE => Ok(()),
+            _ => Err(Error::Usage(format!("{name} {n}: a page has {LEAST_PAGE} to {LARGEST_PAGE} texels an edge"))),
+        };
+        match self.density {
+            Density::Resolution(n) => edge("--resolution", n),
+            Density::TexelsPerMeter(t) if !(t > 0.0 && t.is_finite()) => {
+                Err(Error::Usage(format!("--texels-per-meter {t}: a density is a positive number")))
+            }
+            Density::TexelsPerMeter(_) => edge("--page-size", self.page_size),
+        }?;
+        edge("--page-size", self.page_size)
+    }
+}
+
+impl Atlas {
+    /// Packs visible rectangles as `options` wish, with warnings; the general density.
+    fn place(&mut self, scene: &Scene, demands: &[Demand], options: &Options, warnings: &mut Vec<String>) -> f64 {
+        let (packed, edge) = match options.density {
+            Density::Resolution(n) => (place::fill(demands, n), n),
+            Density::TexelsPerMeter(t) => (place::spread(demands, t, options.page_size, false), options.page_size),
+        };
+        place::warn_lowered(scene, &packed.lowered, edge, warnings);
+        if let (Density::Resolution(_), 2..) = (options.density, packed.pages.len()) {
+            warnings.push(pages_added(packed.pages.len(), edge));
+        }
+        let density = packed.density;
+        self.append(demands, packed);
+        density
+    }
+
+    /// Takes packed rectangles over, after the pages that are there.
+    fn append(&mut self, demands: &[Demand], packed: Packed) {
+        let first = self.pages.len() as u32;
+        for (demand, placement) in demands.iter().zip(packed.placements) {
+            self.placements[demand.instance] = Some(Placement { page: first + placement.page, ..placement });
+        }
+        self.pages.extend(packed.pages);
+    }
+}
+
+/// The warning for a scene that one page cannot hold.
+fn pages_added(pages: usize, edge: u32) -> String {
+    format!(
+        "one page of {edge} x {edge} cannot hold every chart with its padding: {} added, {pages} in all",
+        match pages - 1 {
+            1 => "1 page was".to_string(),
+            n => format!("{n} pages were"),
+        }
+    )
 }

@@ -1,1 +1,93 @@
-//! (to come)
+//! [`Direct`]: irradiance that arrives without a bounce, from lights, small emitters and the sky's peaks.
+//!
+//! Each source's unshadowed irradiance is known in closed form (or nearly); shadow rays measure the share that arrives.
+//! Few probes settle the texels that see all of a source or nothing; where they disagree, within the texel or with its
+//! neighbours, many rays follow. Sources that rows see well enough (large emitters, smooth sky) are left to the rows:
+//! [`Sources`] decides, and each is counted once.
+
+mod emitters;
+mod measure;
+mod punctual;
+mod sky;
+
+pub use sky::sky_cells;
+
+use crate::{
+    atlas::Coverage,
+    error::Result,
+    patches::Patches,
+    progress::Observer,
+    scene::Scene,
+    trace::Tracer,
+};
+use glam::Vec3;
+
+/// Direct irradiance E of the open part of every patch, W/m^2, one map a light group.
+#[derive(Clone, Debug, Default)]
+pub struct Direct {
+    /// Punctual lights baked in full.
+    pub lights: Vec<Vec3>,
+    /// Punctual lights of which only the bounces are baked.
+    pub hidden_lights: Vec<Vec3>,
+    /// Sampled emitters.
+    pub emitters: Vec<Vec3>,
+    /// Sampled peaks of the sky.
+    pub sky_peaks: Vec<Vec3>,
+    /// Shadow rays traced.
+    pub shadow_rays: u64,
+}
+
+/// What shines, and by which way it is counted.
+pub struct Sources<'s> {
+    scene: &'s Scene,
+    emitters: emitters::Emitters,
+    peaks: Option<sky::Peaks>,
+    /// True if rows carry the exitance of surfaces; false if it is sampled here.
+    pub gathered: bool,
+}
+
+impl<'s> Sources<'s> {
+    /// Looks at all that emits. Surfaces are left to the rows where they make up much of what can be seen.
+    pub fn new(tracer: &Tracer<'s>, patches: &Patches) -> Self {
+        let scene = tracer.world.scene;
+        let emits = |i: &usize| patches.exitance[*i] != Vec3::ZERO;
+        let area = |i: usize| f64::from(patches.area[i]);
+        let emitting: f64 = (0..patches.fronts).filter(emits).map(area).sum();
+        let all: f64 = (0..patches.fronts).map(area).sum();
+        let gathered = emitting > GATHERED_SHARE * all;
+        let emitters = if gathered { emitters::Emitters::default() } else { emitters::Emitters::new(&tracer.world) };
+        Sources { scene, emitters, peaks: sky::Peaks::new(&scene.sky), gathered }
+    }
+
+    /// Number of triangles that are sampled as emitters.
+    pub fn emitting_triangles(&self) -> usize {
+        self.emitters.len()
+    }
+}
+
+/// Emitters that cover more than this share of all area are seen by the rows: then a furnace has no noise at all.
+const GATHERED_SHARE: f64 = 0.3;
+
+impl Direct {
+    /// Measures every patch. `rays` is the number of shadow rays a source where shadows are mixed.
+    pub fn measure(
+        tracer: &Tracer,
+        coverage: &Coverage,
+        patches: &Patches,
+        sources: &Sources,
+        rays: u32,
+        observer: &dyn Observer,
+    ) -> Result<Self> {
+        measure::measure(tracer, coverage, patches, sources, rays, observer)
+    }
+
+    /// Sum of all groups for a patch.
+    pub fn total(&self, patch: usize) -> Vec3 {
+        self.lights[patch] + self.hidden_lights[patch] + self.surroundings(patch)
+    }
+
+    /// What does not come from punctual lights.
+    pub fn surroundings(&self, patch: usize) -> Vec3 {
+        self.emitters[patch] + self.sky_peaks[patch]
+    }
+}

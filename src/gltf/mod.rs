@@ -1,1 +1,7 @@
 //! The two doors: [`read`] gives a [`Document`] and a [`crate::scene::Scene`], [`write`] binds lightmaps to the document.
+
+mod document;
+mod read;
+
+pub use document::{Document, External};
+pub use read::{Input, ReadOptions, read};

@@ -1,1 +1,98 @@
-//! PNG, JPEG and WebP in, PNG out.
+//! PNG, JPEG and WebP in, PNG out: eight bits a channel, as stored (no curve is applied).
+//!
+//! A picture's claimed size is compared with the bytes it comes in before anything of that size is allocated.
+
+use crate::error::{Error, Result};
+use glam::UVec2;
+use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use std::{io::Cursor, path::Path};
+
+/// Longest edge of a picture that is decoded.
+const MAX_EDGE: u32 = 32_768;
+/// Pictures up to this many pixels are decoded whatever their file's size (64 MB).
+const SMALL: u64 = 1 << 24;
+/// Pixels that a byte of a larger file can stand for: one-bit PNG at deflate's best ratio.
+const PIXELS_PER_BYTE: u64 = 8 * 1032;
+
+/// A decoded picture.
+#[derive(Clone, Debug)]
+pub struct Ldr {
+    /// Width and height, both at least 1.
+    pub size: UVec2,
+    /// Rows from the top.
+    pub rgba: Vec<[u8; 4]>,
+}
+
+/// Decodes a PNG, JPEG or WebP file held in memory; the error is the reason in words.
+pub fn decode(bytes: &[u8]) -> std::result::Result<Ldr, String> {
+    let reason = |e: image::ImageError| e.to_string();
+    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| e.to_string())?;
+    match reader.format() {
+        Some(ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP) => {}
+        Some(other) => return Err(format!("is {other:?}, not PNG, JPEG or WebP")),
+        None => return Err("is not PNG, JPEG or WebP".into()),
+    }
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(MAX_EDGE);
+    limits.max_image_height = Some(MAX_EDGE);
+    limits.max_alloc = Some(1 << 31);
+    reader.limits(limits);
+    let decoder = reader.into_decoder().map_err(reason)?;
+    let (width, height) = decoder.dimensions();
+    let pixels = u64::from(width) * u64::from(height);
+    if pixels == 0 {
+        return Err("has no pixels".into());
+    }
+    if pixels > SMALL && pixels / PIXELS_PER_BYTE > bytes.len() as u64 {
+        return Err(format!("claims {width} x {height} pixels in {} bytes", bytes.len()));
+    }
+    if width > MAX_EDGE || height > MAX_EDGE || decoder.total_bytes() > 1 << 31 {
+        return Err(format!("is too large: {width} x {height} pixels"));
+    }
+    let rgba = DynamicImage::from_decoder(decoder).map_err(reason)?.into_rgba8();
+    Ok(Ldr { size: UVec2::new(width, height), rgba: rgba.pixels().map(|p| p.0).collect() })
+}
+
+/// Writes rows of rgb from the top as PNG; the file appears whole or not at all.
+pub fn write_png(path: &Path, size: UVec2, rgb: &[[u8; 3]]) -> Result<()> {
+    let png = encode_png(size, rgb).map_err(|e| Error::writing(path, e))?;
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let write = || {
+        let mut file = tempfile::NamedTempFile::new_in(folder)?;
+        std::io::Write::write_all(&mut file, &png)?;
+        file.persist(path).map_err(|e| e.error)?;
+        Ok(())
+    };
+    write().map_err(|e| Error::writing(path, e))
+}
+
+/// A PNG file in memory, rows of rgb from the top.
+pub fn encode_png(size: UVec2, rgb: &[[u8; 3]]) -> std::io::Result<Vec<u8>> {
+    let mut png = Vec::new();
+    let encoder = image::codecs::png::PngEncoder::new(&mut png);
+    image::ImageEncoder::write_image(encoder, rgb.as_flattened(), size.x, size.y, ColorType::Rgb8.into())
+        .map_err(std::io::Error::other)?;
+    Ok(png)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn png_round_trip() {
+        let rgb = [[255, 0, 0], [0, 255, 0], [0, 0, 255], [1, 2, 3], [4, 5, 6], [7, 8, 9]];
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        write_png(&path, UVec2::new(3, 2), &rgb).unwrap();
+        let back = decode(&std::fs::read(&path).unwrap()).unwrap();
+        assert_eq!(back.size, UVec2::new(3, 2));
+        assert_eq!(back.rgba, rgb.map(|[r, g, b]| [r, g, b, 255]));
+    }
+
+    #[test]
+    fn refuses_what_is_no_picture() {
+        assert!(decode(b"").is_err());
+        assert!(decode(b"hello").is_err());
+    }
+}

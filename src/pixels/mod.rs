@@ -3,3 +3,6 @@
 mod exr;
 mod hdr;
 mod ldr;
+
+pub use ldr::{Ldr, decode, encode_png, write_png};
+pub use hdr::{Hdr, read_hdr};

@@ -8,11 +8,13 @@ mod light;
 mod material;
 mod sky;
 mod texture;
+mod world;
 
 pub use light::{Bake, Light, LightKind};
 pub use material::{Alpha, Material, Surface};
 pub use sky::{Sky, SkyMap};
 pub use texture::{Texture, TextureRef, Wrap};
+pub use world::World;
 
 use glam::{DAffine3, DVec3, Vec2, Vec3, Vec4};
 use std::ops::Range;
@@ -43,6 +45,8 @@ pub struct Scene {
 pub struct Mesh {
     /// Name for messages, for example `mesh 3 "Wall"`.
     pub name: String,
+    /// Index of the mesh in the source document.
+    pub source: u32,
     /// Object space, metres before the instance's transform; finite.
     pub positions: Vec<Vec3>,
     /// Unit length, one a vertex; zero where the vertex has none (the face normal is used).
@@ -114,15 +118,4 @@ impl Instance {
     pub fn mirrored(&self) -> bool {
         self.transform.matrix3.determinant() < 0.0
     }
-}
-
-/// First global triangle index of every instance, and the total: `starts[i]..starts[i + 1]` are instance i's.
-///
-/// A *global triangle* counts through the instances in order; rays report it and texels are found by it.
-pub fn triangle_starts(scene: &Scene) -> Vec<u32> {
-    let mut starts = vec![0u32];
-    for i in &scene.instances {
-        starts.push(starts.last().unwrap() + scene.meshes[i.mesh as usize].triangles.len() as u32);
-    }
-    starts
 }

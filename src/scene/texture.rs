@@ -18,7 +18,7 @@ struct Level {
 }
 
 /// What happens outside [0, 1].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {
     /// The picture repeats.
     #[default]

@@ -1,1 +1,141 @@
-//! (to come)
+//! [`Transport`]: form factors from receivers to everything they see. Geometry and alpha only: no light, no reflectance.
+//!
+//! A row is measured with rays: the share of a receiver's cosine-distributed rays that meet patch j is F_ij. Rows are
+//! non-negative and sum to at most 1 whatever the noise. The sky is seen as cells of equal solid angle, columns behind
+//! the patches, so that rows relight under any sky. Receivers may be fewer than patches; [`Interpolation`] spreads what
+//! they receive with convex weights.
+
+mod rays;
+mod rows;
+
+pub use rows::{Row, Rows};
+
+use crate::{
+    atlas::Coverage,
+    error::Result,
+    math::CELLS,
+    patches::Patches,
+    progress::Observer,
+    trace::Tracer,
+};
+use glam::Vec4;
+use rayon::prelude::*;
+
+/// Rows at receivers, and how patches read them.
+pub struct Transport {
+    /// The patch of each receiver.
+    pub receivers: Vec<u32>,
+    /// One row a receiver over `patches` patches and [`CELLS`] cells of the sky.
+    pub rows: Rows,
+    /// Number of patches: columns below it are patches, columns from it on are cells of the sky.
+    pub patches: usize,
+    /// From receivers to patches.
+    pub interpolation: Interpolation,
+    /// What became of the rays.
+    pub stats: Stats,
+}
+
+/// P: how patches read what receivers received.
+#[derive(Clone, Debug)]
+pub enum Interpolation {
+    /// Every patch is a receiver, in order.
+    Identity,
+    /// Each patch is a convex combination of receivers: `starts[i]..starts[i + 1]` of `entries` are patch i's
+    /// (receiver, weight).
+    Convex {
+        /// Where each patch's entries begin, and their number.
+        starts: Vec<u32>,
+        /// Receivers and weights; a patch's weights sum to 1.
+        entries: Vec<(u32, f32)>,
+    },
+}
+
+/// Counts of rays.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Stats {
+    /// Rays traced for rows.
+    pub traced: u64,
+    /// Rays that left the scene.
+    pub escaped: u64,
+    /// Rays that ended on an unlit surface or the back of a single-sided one.
+    pub dark: u64,
+    /// Rays that hit a surface that no texel covers.
+    pub lost: u64,
+}
+
+impl Transport {
+    /// Measures a row of `rays` rays at every patch, and tells `patches` which backs rays met and what is buried.
+    pub fn measure(
+        tracer: &Tracer,
+        coverage: &Coverage,
+        patches: &mut Patches,
+        rays: u32,
+        observer: &dyn Observer,
+    ) -> Result<Self> {
+        let measured = rays::measure(tracer, coverage, patches, rays, observer)?;
+        let transport = Transport {
+            receivers: (0..patches.len() as u32).collect(),
+            rows: measured.rows,
+            patches: patches.len(),
+            interpolation: Interpolation::Identity,
+            stats: measured.stats,
+        };
+        debug_assert!(transport.validate().is_ok(), "{:?}", transport.validate());
+        Ok(transport)
+    }
+
+    /// Rows given by hand over `patches` patches, one receiver each: columns, and the weight of every entry.
+    pub fn from_rows(patches: usize, rows: impl IntoIterator<Item = (Vec<u32>, f32)>) -> Self {
+        let rows = Rows::from_rows(rows);
+        let n = rows.len();
+        Transport {
+            receivers: (0..n as u32).collect(),
+            rows,
+            patches,
+            interpolation: Interpolation::Identity,
+            stats: Stats::default(),
+        }
+    }
+
+    /// Spreads values at receivers to all patches.
+    pub fn interpolate(&self, at_receivers: &[Vec4], at_patches: &mut [Vec4]) {
+        match &self.interpolation {
+            Interpolation::Identity => at_patches.copy_from_slice(at_receivers),
+            Interpolation::Convex { starts, entries } => {
+                at_patches.par_iter_mut().enumerate().for_each(|(i, out)| {
+                    let row = &entries[starts[i] as usize..starts[i + 1] as usize];
+                    *out = row.iter().map(|&(r, w)| at_receivers[r as usize] * w).sum();
+                });
+            }
+        }
+    }
+
+    /// Checks shapes, ranges and sums.
+    pub fn validate(&self) -> std::result::Result<(), String> {
+        let n = self.receivers.len();
+        if self.rows.len() != n {
+            return Err(format!("{n} receivers, {} rows", self.rows.len()));
+        }
+        let columns = self.patches as u32 + CELLS;
+        for i in 0..n {
+            let row = self.rows.row(i);
+            if row.columns.iter().any(|&c| c >= columns) {
+                return Err(format!("row {i} names a column beyond {columns}"));
+            }
+            let sum = row.columns.len() as f32 * row.weight;
+            if !(0.0..=1.0 + 1e-5).contains(&sum) {
+                return Err(format!("row {i} sums to {sum}"));
+            }
+        }
+        if let Interpolation::Convex { starts, entries } = &self.interpolation {
+            for (i, w) in starts.windows(2).enumerate() {
+                let row = &entries[w[0] as usize..w[1] as usize];
+                let sum: f32 = row.iter().map(|e| e.1).sum();
+                if row.iter().any(|e| e.1 < 0.0 || e.0 as usize >= n) || (sum - 1.0).abs() > 1e-4 {
+                    return Err(format!("patch {i} is no convex combination: sum {sum}"));
+                }
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,35 @@
+//! The balance of power: what is put in, absorbed, and lost to the outside.
+
+use crate::{direct::Direct, patches::Patches, radiosity::Radiosity, report::EnergyReport, transport::Transport};
+use glam::Vec3;
+
+/// Sums over patches. Exact for face normals up to the noise of the rows; light that smooth shading adds or drops at
+/// the receiver shows as imbalance.
+pub(super) fn balance(
+    patches: &Patches,
+    transport: &Transport,
+    direct: &Direct,
+    sky: &[Vec3],
+    radiosity: &Radiosity,
+) -> EnergyReport {
+    let power = |v: Vec3, area: f32| f64::from(v.element_sum()) * f64::from(area);
+    let mut e = EnergyReport::default();
+    for (i, &patch) in transport.receivers.iter().enumerate() {
+        let p = patch as usize;
+        // Enclosed surface neither gives nor takes.
+        let area = patches.area[p] * patches.validity[p];
+        let row = transport.rows.row(i);
+        let (hits, cells) = row.columns.split_at(row.columns.partition_point(|&c| (c as usize) < transport.patches));
+        let from_sky: Vec3 = cells.iter().map(|&c| sky[c as usize - transport.patches]).sum::<Vec3>() * row.weight;
+        // What meets no patch is gone: to the sky, or onto a back that nothing leaves.
+        let gone = (1.0 - hits.len() as f32 * row.weight).max(0.0);
+        let irradiance = direct.total(p) + radiosity.indirect[p];
+        let reflected = patches.reflectance[p] * irradiance;
+        let put_in = patches.exitance[p] + direct.lights[p] + direct.hidden_lights[p] + direct.sky_peaks[p] + from_sky;
+        e.emitted += power(put_in, area);
+        e.absorbed += power(irradiance - reflected, area);
+        e.escaped += power((patches.exitance[p] + reflected) * gone, area);
+    }
+    e.imbalance = if e.emitted > 0.0 { (e.absorbed + e.escaped) / e.emitted - 1.0 } else { 0.0 };
+    e
+}

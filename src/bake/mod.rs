@@ -1,0 +1,111 @@
+//! The pipeline, one line a room. Touches no file.
+
+mod energy;
+mod plan;
+
+use crate::{
+    atlas::{self, Atlas, Coverage},
+    direct::{Direct, Sources, sky_cells},
+    error::Result,
+    lightmaps::{Content, Lightmaps, jump_across_seams},
+    patches::Patches,
+    progress::Observer,
+    radiosity::{Radiosity, Solver},
+    report::Report,
+    scene::{Scene, World},
+    trace::Tracer,
+    transport::Transport,
+};
+use glam::Vec3;
+use std::{path::Path, time::Instant};
+
+/// What a bake does. Lights, sky and exclusions are part of the scene.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Layout and texel size. Default: uvunwrap, one page of 1024.
+    pub atlas: atlas::Options,
+    /// Rays a form-factor row, 1..=65536. Default: 256.
+    pub rays: u32,
+    /// Largest reflectance, (0, .9999]. Default: .98.
+    pub max_reflectance: f32,
+    /// What the maps hold. Default: full.
+    pub content: Content,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options { atlas: atlas::Options::default(), rays: 256, max_reflectance: 0.98, content: Content::Full }
+    }
+}
+
+/// A finished bake, with the rooms that pictures and checks look at again.
+pub struct Baked<'s> {
+    /// Rays against the scene.
+    pub tracer: Tracer<'s>,
+    /// Layouts and rectangles.
+    pub atlas: Atlas,
+    /// Covered texels.
+    pub coverage: Coverage,
+    /// What they stand for.
+    pub patches: Patches,
+    /// Irradiance E of each patch, direct and indirect, whatever [`Options::content`] says.
+    pub irradiance: Vec<Vec3>,
+    /// The pages.
+    pub lightmaps: Lightmaps,
+    /// What was measured on the way.
+    pub report: Report,
+}
+
+/// Bakes `scene`; `file` is named in errors.
+pub fn bake<'s>(scene: &'s Scene, options: &Options, file: &Path, observer: &dyn Observer) -> Result<Baked<'s>> {
+    let mut r = Report::default();
+    let mut clock = Clock::start();
+
+    let atlas = clock.time("atlas", || atlas::unwrap(scene, &options.atlas, file, observer, &mut r.warnings))?;
+    let world = World::new(scene);
+    let coverage = clock.time("coverage", || Coverage::new(&world, &atlas));
+    plan::announce(scene, &atlas, &coverage, options, observer)?;
+    let tracer = clock.time("trace", || Tracer::new(world));
+    let mut patches = clock.time("patches", || Patches::new(&tracer.world, &coverage, options.max_reflectance));
+    let transport = clock.time("transport", || {
+        Transport::measure(&tracer, &coverage, &mut patches, options.rays, observer)
+    })?;
+    let sources = Sources::new(&tracer, &patches);
+    let direct = clock.time("direct", || {
+        Direct::measure(&tracer, &coverage, &patches, &sources, options.rays, observer)
+    })?;
+    let sky = sky_cells(&scene.sky);
+    let radiosity = clock.time("radiosity", || {
+        Radiosity::solve(&transport, &patches, &direct, &sky, sources.gathered, Solver::default(), observer)
+    })?;
+    let lightmaps = clock.time("lightmaps", || {
+        Lightmaps::new(&atlas, &coverage, &patches, &direct, &radiosity, options.content)
+    });
+
+    r.seconds = clock.seconds;
+    r.energy = energy::balance(&patches, &transport, &direct, &sky, &radiosity);
+    r.seam_jump_p95 = jump_across_seams(&tracer.world, &atlas, &coverage, &lightmaps);
+    plan::describe(&mut r, &tracer, &atlas, &coverage, &patches, &transport, &direct, &sources, &lightmaps);
+    r.solver = radiosity.report;
+    plan::warn(&mut r, options);
+    let irradiance = (0..patches.len()).map(|p| direct.total(p) + radiosity.indirect[p]).collect();
+    Ok(Baked { tracer, atlas, coverage, patches, irradiance, lightmaps, report: r })
+}
+
+/// Seconds by room.
+struct Clock {
+    seconds: Vec<(&'static str, f64)>,
+}
+
+impl Clock {
+    fn start() -> Self {
+        Clock { seconds: Vec::new() }
+    }
+
+    fn time<T>(&mut self, room: &'static str, run: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        let out = run();
+        self.seconds.push((room, start.elapsed().as_secs_f64()));
+        out
+    }
+}

@@ -1,0 +1,172 @@
+//! What a bake says before and after: the pre-flight line, the report, warnings.
+
+use super::Options;
+use crate::{
+    atlas::{Atlas, Coverage, NO_CHART},
+    direct::{Direct, Sources},
+    error::{Error, Result},
+    lightmaps::Lightmaps,
+    memory,
+    patches::Patches,
+    progress::Observer,
+    report::{NodeReport, PageReport, RayReport, ReflectanceReport, Report, SCHEMA, SceneCounts},
+    scene::Scene,
+    trace::Tracer,
+    transport::Transport,
+};
+use std::collections::HashSet;
+
+/// Bytes that a bake needs beside its rows, by texel and by triangle (measured).
+const BYTES_A_TEXEL: u64 = 300;
+const BYTES_A_TRIANGLE: u64 = 250;
+
+/// Says what is to come, and refuses what does not fit.
+pub(super) fn announce(
+    scene: &Scene,
+    atlas: &Atlas,
+    coverage: &Coverage,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<()> {
+    let texels = coverage.texels.len() as u64;
+    let triangles: u64 = scene.instances.iter().map(|i| scene.meshes[i.mesh as usize].triangles.len() as u64).sum();
+    let pixels: u64 = atlas.pages.iter().map(|p| u64::from(p.size.x) * u64::from(p.size.y)).sum();
+    let rays = texels * u64::from(options.rays);
+    // Backs double the rows at worst.
+    let sheets = scene.materials.iter().any(|m| m.double_sided);
+    let rows = rays * 4 * if sheets { 2 } else { 1 };
+    let need_mb = (rows + texels * BYTES_A_TEXEL + triangles * BYTES_A_TRIANGLE + pixels * 40) >> 20;
+    let pages = atlas.pages.iter().filter(|p| !p.hidden).count();
+    let free_mb = memory::free_mb();
+    observer.plan(&format!("{texels} texels on {pages} page(s), {rays} rays, up to {need_mb} MB of {free_mb} MB free"));
+    if need_mb > free_mb {
+        let remedy = "lower --resolution or --texels-per-meter, or --rays".into();
+        return Err(Error::Memory { need_mb, free_mb, remedy });
+    }
+    Ok(())
+}
+
+/// Fills the report from the rooms.
+#[allow(clippy::too_many_arguments)] // one argument a room
+pub(super) fn describe(
+    r: &mut Report,
+    tracer: &Tracer,
+    atlas: &Atlas,
+    coverage: &Coverage,
+    patches: &Patches,
+    transport: &Transport,
+    direct: &Direct,
+    sources: &Sources,
+    lightmaps: &Lightmaps,
+) {
+    let scene = tracer.world.scene;
+    r.schema = SCHEMA;
+    r.generator = concat!("luxel ", env!("CARGO_PKG_VERSION")).into();
+    r.scene = counts(tracer, sources);
+    r.texels = coverage.texels.len();
+    r.patches = patches.len();
+    r.receivers = transport.receivers.len();
+    let seconds = r.seconds.iter().find(|s| s.0 == "transport").map_or(0.0, |s| s.1);
+    r.rays = RayReport {
+        traced: transport.stats.traced,
+        per_second: transport.stats.traced as f64 / seconds.max(1e-9),
+        escaped: transport.stats.escaped,
+        blocked: transport.stats.dark,
+        lost: transport.stats.lost,
+        shadow: direct.shadow_rays,
+    };
+    r.matrix_entries = transport.rows.entries();
+    r.matrix_bytes = transport.rows.bytes();
+    let area: f64 = patches.area[..patches.fronts].iter().map(|&a| f64::from(a)).sum();
+    r.reflectance = ReflectanceReport {
+        max: patches.reflectance.iter().map(|c| f64::from(c.max_element())).fold(0.0, f64::max),
+        capped_area: patches.capped_area,
+        metallic_area: patches.metallic_area,
+        area,
+    };
+    r.buried_texels = lightmaps.buried;
+    r.turned_texels = lightmaps.turned;
+    r.peak_memory_mb = memory::peak_mb();
+    for (p, page) in atlas.pages.iter().enumerate().filter(|(_, p)| !p.hidden) {
+        let texels = coverage.texels.iter().filter(|t| t.page as usize == p).count();
+        let pixels = f64::from(page.size.x) * f64::from(page.size.y);
+        let (width, height) = (page.size.x, page.size.y);
+        r.pages.push(PageReport { width, height, texels, utilization: texels as f64 / pixels });
+    }
+    r.nodes = (0..scene.instances.len()).map(|i| node(tracer, atlas, coverage, i)).collect();
+}
+
+/// Adds what the user should know.
+pub(super) fn warn(r: &mut Report, options: &Options) {
+    let share = |a: f64| 100.0 * a / r.reflectance.area.max(1e-30);
+    if r.reflectance.capped_area > 0.0 {
+        r.warnings.push(format!(
+            "reflectance was capped at {} on {:.1} % of the surface (--max-reflectance)",
+            options.max_reflectance,
+            share(r.reflectance.capped_area)
+        ));
+    }
+    if r.reflectance.metallic_area > 0.0 {
+        r.warnings.push(format!(
+            "{:.1} % of the surface is metallic and reflects no diffuse light",
+            share(r.reflectance.metallic_area)
+        ));
+    }
+    if r.scene.degenerate_triangles > 0 {
+        r.warnings.push(format!("{} triangles have no area and were left out", r.scene.degenerate_triangles));
+    }
+    if r.turned_texels > 0 {
+        r.warnings.push(format!("{} texels show their back: their front is inside geometry", r.turned_texels));
+    }
+    if r.rays.lost as f64 > 1e-5 * r.rays.traced as f64 {
+        r.warnings.push(format!("{} of {} rays met no texel: light is lost", r.rays.lost, r.rays.traced));
+    }
+    if !r.solver.converged {
+        r.warnings.push(format!("the solver stopped at a relative error bound of {:.1e}", r.solver.relative_bound));
+    }
+}
+
+fn counts(tracer: &Tracer, sources: &Sources) -> SceneCounts {
+    let (scene, world) = (tracer.world.scene, &tracer.world);
+    let degenerate = |i: usize| {
+        let triangles = world.triangles_of(i).len() as u32;
+        (0..triangles).filter(|&t| world.cross(i, &world.corners(i, t)) == glam::Vec3::ZERO).count()
+    };
+    SceneCounts {
+        meshes: scene.meshes.len(),
+        instances: scene.instances.len(),
+        triangles: scene.meshes.iter().map(|m| m.triangles.len()).sum(),
+        instanced_triangles: world.len() as usize,
+        degenerate_triangles: (0..scene.instances.len()).map(degenerate).sum(),
+        materials: scene.materials.len(),
+        lights: scene.lights.len(),
+        emitting_triangles: sources.emitting_triangles(),
+    }
+}
+
+fn node(tracer: &Tracer, atlas: &Atlas, coverage: &Coverage, i: usize) -> NodeReport {
+    let (world, instance) = (&tracer.world, &tracer.world.scene.instances[i]);
+    let layout = &atlas.layouts[instance.mesh as usize];
+    let (mut area, mut texels) = (0f64, 0f64);
+    let mut widths = vec![(glam::Vec2::INFINITY, glam::Vec2::NEG_INFINITY); layout.chart_count as usize];
+    for (local, triangle) in world.triangles_of(i).enumerate() {
+        let [a, b, c] = coverage.charted[triangle as usize].corners;
+        area += f64::from(world.cross(i, &world.corners(i, local as u32)).length()) * 0.5;
+        texels += f64::from((b - a).perp_dot(c - a).abs()) * 0.5;
+        let chart = layout.charts.get(local).copied().unwrap_or(NO_CHART);
+        if let Some((low, high)) = widths.get_mut(chart as usize) {
+            *low = low.min(a).min(b).min(c);
+            *high = high.max(a).max(b).max(c);
+        }
+    }
+    let used: HashSet<u32> = layout.charts.iter().copied().filter(|&c| c != NO_CHART).collect();
+    NodeReport {
+        node: instance.node,
+        name: instance.name.clone(),
+        page: atlas.placements[i].filter(|p| !atlas.pages[p.page as usize].hidden).map(|p| p.page),
+        texels_per_meter: if area > 0.0 { (texels / area).sqrt() } else { 0.0 },
+        charts: used.len() as u32,
+        small_charts: widths.iter().filter(|(low, high)| low.x <= high.x && (*high - *low).min_element() < 2.0).count()
+            as u32,
+    }
+}

@@ -1,0 +1,336 @@
+//! Emitting triangles: Lambert's closed form for the few that matter, importance sampling for the many far ones.
+//!
+//! A binary tree over the emitters gives each texel a cut of at most [`CUT`] nodes (after Walter et al., "Lightcuts",
+//! 2005). A leaf is worth its exact unshadowed irradiance times the sampled share that arrives; an inner node is sampled
+//! by power.
+
+use crate::{
+    math::luminance,
+    patches::SurfacePoint,
+    scene::{Scene, World},
+};
+use glam::{Vec2, Vec3};
+
+/// Largest number of nodes in a texel's cut.
+const CUT: usize = 24;
+/// An inner node is opened while its radius exceeds this share of its distance.
+const OPEN: f32 = 0.25;
+/// Points at which a textured emitter is averaged.
+const TEXTURE_POINTS: u32 = 64;
+
+/// All emitting triangles.
+#[derive(Default)]
+pub(super) struct Emitters {
+    triangles: Vec<Emitter>,
+    /// Running sum of power; `cumulative[i]` is before triangle i.
+    cumulative: Vec<f32>,
+    nodes: Vec<Node>,
+}
+
+struct Emitter {
+    corners: [Vec3; 3],
+    normal: Vec3,
+    area: f32,
+    /// Mean radiance L.
+    radiance: Vec3,
+    textured: bool,
+    two_sided: bool,
+    instance: usize,
+    local: u32,
+}
+
+struct Node {
+    center: Vec3,
+    radius: f32,
+    begin: u32,
+    end: u32,
+    /// Index of the second child (the first follows its parent); 0 for a leaf.
+    second: u32,
+}
+
+/// One node of a texel's cut.
+#[derive(Clone, Copy)]
+pub(super) struct Stratum {
+    node: u32,
+    /// Estimate of its contribution, for sharing out samples.
+    pub weight: f32,
+}
+
+/// A sample of a stratum.
+pub(super) struct Sample {
+    /// Unit direction from the receiver.
+    pub direction: Vec3,
+    /// Distance to the emitter, metres.
+    pub distance: f32,
+    /// Unshadowed irradiance that this sample stands for, times the number of samples.
+    pub irradiance: Vec3,
+    /// The same for the emitter's mean radiance: what the closed form knows.
+    pub mean: Vec3,
+}
+
+impl Emitters {
+    /// Every triangle of the world whose material emits.
+    pub fn new(world: &World) -> Self {
+        let mut triangles: Vec<Emitter> = (0..world.scene.instances.len())
+            .flat_map(|i| world.mesh(i).primitives.iter().map(move |p| (i, p)))
+            .filter(|(_, p)| world.scene.materials[p.material as usize].emits())
+            .flat_map(|(i, p)| p.triangles.clone().map(move |t| (i, t)))
+            .filter_map(|(i, t)| Emitter::new(world, i, t))
+            .collect();
+        let mut nodes = Vec::new();
+        if !triangles.is_empty() {
+            let n = triangles.len();
+            split(&mut triangles, 0, n, &mut nodes);
+        }
+        let mut cumulative = vec![0.0];
+        for e in &triangles {
+            cumulative.push(cumulative[cumulative.len() - 1] + e.power());
+        }
+        Emitters { triangles, cumulative, nodes }
+    }
+
+    /// Number of triangles.
+    pub fn len(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// The nodes that light a texel of radius `reach` around `p`.
+    pub fn cut(&self, p: &SurfacePoint, reach: f32, cut: &mut Vec<Stratum>) {
+        cut.clear();
+        self.add(0, p, reach, cut);
+        while cut.len() < CUT {
+            let open = |s: &Stratum| {
+                let n = &self.nodes[s.node as usize];
+                n.second != 0 && n.radius > OPEN * (n.center - p.position).length()
+            };
+            // With few emitters in all, every one is its own stratum.
+            let few = self.triangles.len() <= CUT;
+            let next = (0..cut.len())
+                .filter(|&k| if few { self.nodes[cut[k].node as usize].second != 0 } else { open(&cut[k]) })
+                .max_by(|&a, &b| cut[a].weight.total_cmp(&cut[b].weight));
+            let Some(k) = next else { break };
+            let node = cut.swap_remove(k).node;
+            self.add(node + 1, p, reach, cut);
+            self.add(self.nodes[node as usize].second, p, reach, cut);
+        }
+    }
+
+    fn add(&self, node: u32, p: &SurfacePoint, reach: f32, cut: &mut Vec<Stratum>) {
+        let Some(n) = self.nodes.get(node as usize) else { return };
+        let v = n.center - p.position;
+        let above = v.dot(p.face) + n.radius + reach;
+        let leaf = &self.triangles[n.begin as usize];
+        let behind = n.second == 0 && !leaf.two_sided && (p.position - leaf.corners[0]).dot(leaf.normal) < -reach;
+        if above > 0.0 && !behind {
+            let power = self.cumulative[n.end as usize] - self.cumulative[n.begin as usize];
+            let weight = power / v.length_squared().max(n.radius * n.radius).max(1e-12);
+            cut.push(Stratum { node, weight });
+        }
+    }
+
+    /// Mean unshadowed irradiance of a leaf in closed form at `p`; `None` for an inner node.
+    pub fn exact(&self, s: &Stratum, p: &SurfacePoint) -> Option<Vec3> {
+        let n = &self.nodes[s.node as usize];
+        (n.second == 0).then(|| {
+            let e = &self.triangles[n.begin as usize];
+            e.radiance * (e.projected_solid_angle(p) / p.kept())
+        })
+    }
+
+    /// A point of the stratum, seen from `p`; `None` if it sends nothing there.
+    pub fn sample(&self, scene: &Scene, s: &Stratum, p: &SurfacePoint, u: Vec2, offset: f32) -> Option<Sample> {
+        let n = &self.nodes[s.node as usize];
+        let (begin, end) = (self.cumulative[n.begin as usize], self.cumulative[n.end as usize]);
+        let at = begin + u.x * (end - begin);
+        let inside = &self.cumulative[n.begin as usize + 1..n.end as usize];
+        let k = n.begin as usize + inside.partition_point(|&c| c <= at);
+        let e = &self.triangles[k];
+        let power = self.cumulative[k + 1] - self.cumulative[k];
+        let x = ((at - self.cumulative[k]) / power).clamp(0.0, 1.0);
+        let root = x.sqrt();
+        let bary = Vec2::new(root * (1.0 - u.y), root * u.y);
+        let [a, b, c] = e.corners;
+        let point = a + (b - a) * bary.x + (c - a) * bary.y;
+        let side = if (p.position - point).dot(e.normal) >= 0.0 { 1.0 } else { -1.0 };
+        if side < 0.0 && !e.two_sided {
+            return None;
+        }
+        let v = point + e.normal * (side * offset) - (p.position + p.face * offset);
+        let distance = v.length();
+        let direction = v / distance.max(1e-20);
+        let (cos, cos_e) = (direction.dot(p.normal), -direction.dot(e.normal) * side);
+        if cos <= 0.0 || cos_e <= 0.0 || direction.dot(p.face) <= 0.0 {
+            return None;
+        }
+        let radiance = if e.textured { e.radiance_at(scene, bary) } else { e.radiance };
+        let geometry = cos * cos_e * e.area / (distance * distance * p.kept());
+        let weight = geometry * (end - begin) / power;
+        Some(Sample { direction, distance, irradiance: radiance * weight, mean: e.radiance * weight })
+    }
+}
+
+impl Emitter {
+    fn new(world: &World, instance: usize, local: u32) -> Option<Self> {
+        let corners = world.corners(instance, local);
+        let cross = world.cross(instance, &corners);
+        let mesh = world.mesh(instance);
+        let material = &world.scene.materials[mesh.primitives[mesh.primitive_of(local)].material as usize];
+        let mut e = Emitter {
+            corners,
+            normal: cross.normalize_or_zero(),
+            area: cross.length() * 0.5,
+            radiance: material.emission,
+            textured: material.emission_texture.is_some() || material.has_holes(),
+            two_sided: material.double_sided,
+            instance,
+            local,
+        };
+        if e.textured {
+            let bary = |i: u32| {
+                let [x, y, ..] = sobol_burley::sample_4d(i, 0, 0x656d_6974);
+                Vec2::new(x.sqrt() * (1.0 - y), x.sqrt() * y)
+            };
+            let sum: Vec3 = (0..TEXTURE_POINTS).map(|i| e.radiance_at(world.scene, bary(i))).sum();
+            e.radiance = sum / TEXTURE_POINTS as f32;
+        }
+        (e.area > 0.0 && e.radiance.max_element() > 0.0).then_some(e)
+    }
+
+    fn power(&self) -> f32 {
+        luminance(self.radiance).max(1e-20) * self.area
+    }
+
+    fn radiance_at(&self, scene: &Scene, bary: Vec2) -> Vec3 {
+        let mesh = &scene.meshes[scene.instances[self.instance].mesh as usize];
+        let s = scene.surface(mesh, self.local, bary, 0.0);
+        s.emission * (Vec3::ONE - s.transmittance)
+    }
+
+    /// Integral of cos over the solid angle above both the face and the shading normal (Lambert's edge sum, 1760).
+    fn projected_solid_angle(&self, p: &SurfacePoint) -> f32 {
+        let facing = (p.position - self.corners[0]).dot(self.normal);
+        if facing == 0.0 || (facing < 0.0 && !self.two_sided) {
+            return 0.0;
+        }
+        let mut polygon = Corners::new(self.corners.map(|c| c - p.position));
+        polygon.clip(p.face);
+        if p.normal != p.face {
+            polygon.clip(p.normal);
+        }
+        polygon.edge_sum(p.normal).abs()
+    }
+}
+
+/// A clipped triangle around the origin.
+struct Corners {
+    at: [Vec3; 6],
+    count: usize,
+}
+
+impl Corners {
+    fn new(t: [Vec3; 3]) -> Self {
+        let mut at = [Vec3::ZERO; 6];
+        at[..3].copy_from_slice(&t);
+        Corners { at, count: 3 }
+    }
+
+    /// Keeps what lies on the positive side of the plane through the origin.
+    fn clip(&mut self, normal: Vec3) {
+        let mut out = Corners { at: [Vec3::ZERO; 6], count: 0 };
+        let mut push = |c: Vec3| {
+            if out.count < 6 {
+                out.at[out.count] = c;
+                out.count += 1;
+            }
+        };
+        for i in 0..self.count {
+            let (a, b) = (self.at[(i + self.count - 1) % self.count], self.at[i]);
+            let (da, db) = (a.dot(normal), b.dot(normal));
+            if (da > 0.0) != (db > 0.0) {
+                push(a + (b - a) * (da / (da - db)));
+            }
+            if db > 0.0 {
+                push(b);
+            }
+        }
+        *self = out;
+    }
+
+    /// Half the sum over the edges of the angle they span times the cosine of its plane, seen from the origin.
+    fn edge_sum(&self, normal: Vec3) -> f32 {
+        let mut sum = 0f64;
+        for i in 0..self.count {
+            let (a, b) = (self.at[i].as_dvec3(), self.at[(i + 1) % self.count].as_dvec3());
+            let cross = a.cross(b);
+            let sin = cross.length();
+            if sin > 0.0 {
+                // The arctangent stays exact where the arccosine of nearly parallel edges does not.
+                sum += libm::atan2(sin, a.dot(b)) * cross.dot(normal.as_dvec3()) / sin;
+            }
+        }
+        (0.5 * sum) as f32
+    }
+}
+
+/// Splits at the median of the longest axis; children follow their parent.
+fn split(triangles: &mut [Emitter], begin: usize, end: usize, nodes: &mut Vec<Node>) {
+    let part = &mut triangles[begin..end];
+    let points = || part.iter().flat_map(|e| e.corners);
+    let low = points().fold(Vec3::INFINITY, Vec3::min);
+    let high = points().fold(Vec3::NEG_INFINITY, Vec3::max);
+    let center = (low + high) * 0.5;
+    let radius = points().map(|c| (c - center).length()).fold(0.0, f32::max);
+    let me = nodes.len();
+    nodes.push(Node { center, radius, begin: begin as u32, end: end as u32, second: 0 });
+    if end - begin > 1 {
+        let axis = (high - low).max_position();
+        part.sort_by(|a, b| {
+            let of = |e: &Emitter| e.corners[0][axis] + e.corners[1][axis] + e.corners[2][axis];
+            of(a).total_cmp(&of(b))
+        });
+        let middle = begin + (end - begin) / 2;
+        split(triangles, begin, middle, nodes);
+        nodes[me].second = nodes.len() as u32;
+        split(triangles, middle, end, nodes);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(face: Vec3, normal: Vec3) -> SurfacePoint {
+        SurfacePoint { position: Vec3::ZERO, face, normal, triangle: 0, bary: Vec2::ZERO }
+    }
+
+    #[test]
+    fn unit_square_over_its_corner() {
+        // Howell B-3: corner of a unit square at distance 1.
+        let z = |x: f32, y: f32| Vec3::new(x, y, 1.0);
+        let half = |t: [Vec3; 3]| {
+            let mut c = Corners::new(t);
+            c.clip(Vec3::Z);
+            c.edge_sum(Vec3::Z).abs()
+        };
+        let f = half([z(0., 0.), z(1., 0.), z(1., 1.)]) + half([z(0., 0.), z(1., 1.), z(0., 1.)]);
+        assert!((f / std::f32::consts::PI - 0.138_531_606).abs() < 1e-6, "{f}");
+    }
+
+    #[test]
+    fn a_huge_plane_fills_the_kept_part() {
+        // A tilted shading normal keeps (1 + cos a) / 2 of its hemisphere above the face.
+        let tilt: f32 = 0.7;
+        let n = Vec3::new(libm::sinf(tilt), 0.0, libm::cosf(tilt));
+        let p = point(Vec3::Z, n);
+        let big = 1e5;
+        let quad = [Vec3::new(-big, -big, 1.0), Vec3::new(big, -big, 1.0), Vec3::new(big, big, 1.0), Vec3::new(-big, big, 1.0)];
+        let mut sum = 0.0;
+        for t in [[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]] {
+            let mut c = Corners::new(t);
+            c.clip(p.face);
+            c.clip(p.normal);
+            sum += c.edge_sum(p.normal).abs();
+        }
+        assert!((sum / std::f32::consts::PI - p.kept()).abs() < 1e-3, "{sum} {}", p.kept());
+    }
+}

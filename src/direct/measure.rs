@@ -1,0 +1,234 @@
+//! The loop over texels: probes everywhere, many rays where probes disagree.
+
+use super::{
+    Direct, Sources,
+    emitters::{Sample, Stratum},
+    punctual::{self, Aim},
+};
+use crate::{
+    atlas::Coverage,
+    error::Result,
+    math::{Point, PointTable, luminance},
+    patches::{Footprint, Patches, SurfacePoint},
+    progress::{Observer, check},
+    scene::Bake,
+    trace::Tracer,
+};
+use glam::{IVec2, Vec2, Vec3};
+use rayon::prelude::*;
+
+/// Texels that one task takes.
+const CHUNK: usize = 256;
+/// Points at which a closed form is averaged over the texel.
+const EXACT_POINTS: usize = 4;
+/// Difference of arriving shares between neighbours that calls for more rays.
+const STEP: f32 = 0.02;
+
+/// What a texel receives from all sources.
+#[derive(Clone, Copy, Default)]
+struct Received {
+    lights: Vec3,
+    hidden: Vec3,
+    emitters: Vec3,
+    sky_peaks: Vec3,
+    /// Share of the unshadowed light that arrives.
+    share: f32,
+    /// True if some rays to one source arrive and others do not.
+    mixed: bool,
+    rays: u32,
+}
+
+/// Unshadowed and arriving light of one source.
+#[derive(Default)]
+struct Tally {
+    sent: Vec3,
+    arrived: Vec3,
+    hits: u32,
+    rays: u32,
+}
+
+pub(super) fn measure(
+    tracer: &Tracer,
+    coverage: &Coverage,
+    patches: &Patches,
+    sources: &Sources,
+    rays: u32,
+    observer: &dyn Observer,
+) -> Result<Direct> {
+    let probes = (rays / 16).clamp(8, 64).min(rays) as usize;
+    let all: Vec<u32> = (0..patches.len() as u32).collect();
+    let task = Task { tracer, coverage, patches, sources };
+    observer.begin("direct", all.len() as u64);
+    let mut received = task.run(&all, &PointTable::new(probes, 0x6469_7265), observer)?;
+    let again: Vec<u32> = (0..patches.len() as u32).filter(|&i| task.is_mixed(&received, i as usize)).collect();
+    observer.begin("direct: shadow edges", again.len() as u64);
+    let mut shadow_rays: u64 = received.iter().map(|r| u64::from(r.rays)).sum();
+    for (&i, r) in again.iter().zip(task.run(&again, &PointTable::new(rays as usize, 0x7368_6164), observer)?) {
+        shadow_rays += u64::from(r.rays);
+        received[i as usize] = r;
+    }
+    Ok(Direct {
+        lights: received.iter().map(|r| r.lights).collect(),
+        hidden_lights: received.iter().map(|r| r.hidden).collect(),
+        emitters: received.iter().map(|r| r.emitters).collect(),
+        sky_peaks: received.iter().map(|r| r.sky_peaks).collect(),
+        shadow_rays,
+    })
+}
+
+struct Task<'a> {
+    tracer: &'a Tracer<'a>,
+    coverage: &'a Coverage,
+    patches: &'a Patches,
+    sources: &'a Sources<'a>,
+}
+
+impl Task<'_> {
+    fn run(&self, which: &[u32], table: &PointTable, observer: &dyn Observer) -> Result<Vec<Received>> {
+        let done: Vec<Vec<Received>> = which
+            .par_chunks(CHUNK)
+            .map(|chunk| {
+                if observer.cancelled() {
+                    return Vec::new();
+                }
+                let mut footprint = Footprint::new(&self.tracer.world, self.coverage);
+                let mut cut = Vec::new();
+                let out = chunk.iter().map(|&i| self.patch(i as usize, table, &mut footprint, &mut cut)).collect();
+                observer.advance(chunk.len() as u64);
+                out
+            })
+            .collect();
+        check(observer)?;
+        Ok(done.concat())
+    }
+
+    /// True if the texel's own rays disagree, or its share differs from a neighbour's on the page.
+    fn is_mixed(&self, received: &[Received], patch: usize) -> bool {
+        let me = &received[patch];
+        let (texel, back) = self.patches.texel(patch);
+        if me.mixed || back {
+            return me.mixed;
+        }
+        let t = self.coverage.texels[texel];
+        let around = (-1..=1).flat_map(|y| (-1..=1).map(move |x| IVec2::new(x, y)));
+        around.filter_map(|d| self.coverage.texel_at(t.page, (t.at.as_ivec2() + d).as_vec2() + 0.5)).any(|n| {
+            let n = &received[n as usize];
+            n.mixed || (n.share - me.share).abs() > STEP
+        })
+    }
+
+    fn patch(&self, patch: usize, table: &PointTable, footprint: &mut Footprint, cut: &mut Vec<Stratum>) -> Received {
+        let (texel, back) = self.patches.texel(patch);
+        let at = self.coverage.texels[texel].at;
+        footprint.set(texel);
+        let points = table.block(at.x, at.y, 0);
+        let on_surface = |u: Vec2| {
+            let p = footprint.point(u);
+            if back { p.reversed() } else { p }
+        };
+        let mut r = Received::default();
+        let (mut sent, mut arrived) = (0.0, 0.0);
+        let mut book = |tally: Tally, r: &mut Received| {
+            sent += luminance(tally.sent);
+            arrived += luminance(tally.arrived);
+            r.mixed |= tally.hits > 0 && tally.hits < tally.rays;
+            r.rays += tally.rays;
+        };
+        for light in self.sources.scene.lights.iter().filter(|l| l.bake != Bake::None) {
+            let tally = self.punctual(points, &on_surface, |p, u| punctual::aim(light, p, u));
+            *(if light.bake == Bake::Full { &mut r.lights } else { &mut r.hidden }) += tally.arrived;
+            book(tally, &mut r);
+        }
+        if let Some(peaks) = &self.sources.peaks {
+            let tally = self.punctual(points, &on_surface, |p, u| peaks.aim(p, u));
+            r.sky_peaks += tally.arrived;
+            book(tally, &mut r);
+        }
+        let middle = on_surface(Vec2::splat(0.5));
+        self.sources.emitters.cut(&middle, footprint.area().sqrt(), cut);
+        let total: f32 = cut.iter().map(|s| s.weight).sum();
+        let mut next = 0;
+        for stratum in cut.iter() {
+            let wish = (points.len() as f32 * stratum.weight / total).round() as usize;
+            let n = wish.clamp(1, points.len());
+            let begin = next % points.len();
+            let samples = points[begin..].iter().chain(&points[..begin]).take(n);
+            let tally = self.emitter(stratum, samples, &on_surface);
+            next += n;
+            r.emitters += tally.arrived;
+            book(tally, &mut r);
+        }
+        r.share = if sent > 0.0 { arrived / sent } else { 0.0 };
+        let open = 1.0 / self.patches.validity[patch];
+        [&mut r.lights, &mut r.hidden, &mut r.emitters, &mut r.sky_peaks].map(|e| *e *= open);
+        r
+    }
+
+    /// Mean over the texel's points of what arrives from a source that is one ray a point.
+    fn punctual(
+        &self,
+        points: &[Point],
+        on_surface: &impl Fn(Vec2) -> SurfacePoint,
+        aim: impl Fn(&SurfacePoint, Vec2) -> Option<Aim>,
+    ) -> Tally {
+        let mut tally = Tally::default();
+        for point in points {
+            let p = on_surface(point.place);
+            let Some(a) = aim(&p, point.extra) else { continue };
+            // A hair short of the light: a lamp's own surface may stand at it.
+            let through = self.through(&p, a.direction, a.distance * (1.0 - 1e-4));
+            tally.add(a.irradiance, a.irradiance, through);
+        }
+        tally.scaled(1.0 / points.len() as f32)
+    }
+
+    /// A leaf: its closed form times the share that arrives. An inner node: the mean of its samples.
+    fn emitter<'p>(
+        &self,
+        stratum: &Stratum,
+        samples: impl Iterator<Item = &'p Point>,
+        on_surface: &impl Fn(Vec2) -> SurfacePoint,
+    ) -> Tally {
+        let emitters = &self.sources.emitters;
+        let mut tally = Tally::default();
+        let (mut n, mut exact, mut exact_points) = (0, Vec3::ZERO, 0);
+        for point in samples {
+            n += 1;
+            let p = on_surface(point.place);
+            if exact_points < EXACT_POINTS
+                && let Some(e) = emitters.exact(stratum, &p)
+            {
+                exact += e;
+                exact_points += 1;
+            }
+            let sample = emitters.sample(self.sources.scene, stratum, &p, point.extra, self.tracer.offset());
+            if let Some(Sample { direction, distance, irradiance, mean }) = sample {
+                let through = self.through(&p, direction, distance * (1.0 - 1e-5));
+                tally.add(mean, irradiance, through);
+            }
+        }
+        if exact_points == 0 {
+            return tally.scaled(1.0 / n as f32);
+        }
+        let exact = exact / exact_points as f32;
+        let share = Vec3::select(tally.sent.cmpgt(Vec3::ZERO), tally.arrived / tally.sent, Vec3::ZERO);
+        Tally { sent: exact, arrived: exact * share, ..tally }
+    }
+
+    fn through(&self, p: &SurfacePoint, direction: Vec3, distance: f32) -> Vec3 {
+        self.tracer.transmittance(p.position + p.face * self.tracer.offset(), direction, distance)
+    }
+}
+
+impl Tally {
+    fn add(&mut self, sent: Vec3, irradiance: Vec3, through: Vec3) {
+        self.sent += sent;
+        self.arrived += irradiance * through;
+        self.hits += u32::from(through != Vec3::ZERO);
+        self.rays += 1;
+    }
+
+    fn scaled(self, f: f32) -> Self {
+        Tally { sent: self.sent * f, arrived: self.arrived * f, ..self }
+    }
+}

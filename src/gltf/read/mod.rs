@@ -1,0 +1,158 @@
+//! glTF in: a file to the [`Document`] as it is and the [`Scene`] it describes.
+//!
+//! Everything is resolved here, and everything is checked here: whatever the file's bytes, the answer is a valid scene
+//! or an [`crate::error::Error`] that names the part, the problem and a remedy. Nothing is allocated by a number that the
+//! file merely claims; nothing recurses by the file's depth.
+//!
+//! glTF 2.0; <https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html>.
+
+mod accessors;
+mod cameras;
+mod container;
+mod extensions;
+mod lights;
+mod materials;
+mod meshes;
+mod nodes;
+mod source;
+mod textures;
+mod uri;
+mod warnings;
+mod wishes;
+
+use crate::{
+    error::{Error, Result},
+    gltf::Document,
+    scene::{Instance, Mesh, Scene, Sky},
+};
+use glam::{DAffine3, DVec3};
+use materials::Materials;
+use nodes::Placed;
+use source::Source;
+use std::{collections::HashMap, path::Path};
+use warnings::Warnings;
+
+/// Largest extent of a scene (metres): beyond, areas and distances squared overflow single precision.
+const MAX_EXTENT: f64 = 1e9;
+
+/// What of a file becomes the scene.
+#[derive(Clone, Debug)]
+pub struct ReadOptions {
+    /// Name patterns (`*`, `?`, `[a-z]`, `{a,b}`) of nodes to leave out with all that is below them. Default: none.
+    pub exclude: Vec<String>,
+    /// Multiplies the file's punctual lights, 0 or more. Default: 1.
+    pub light_scale: f32,
+}
+
+impl Default for ReadOptions {
+    fn default() -> Self {
+        ReadOptions { exclude: Vec::new(), light_scale: 1.0 }
+    }
+}
+
+/// What was read.
+#[derive(Clone, Debug)]
+pub struct Input {
+    /// The file as it is.
+    pub document: Document,
+    /// What it describes, with a black sky.
+    pub scene: Scene,
+    /// What the user should know, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Reads the glTF file (.glb or .gltf) at `path`.
+pub fn read(path: &Path, options: &ReadOptions) -> Result<Input> {
+    let document = container::open(path)?;
+    let mut warnings = Warnings::default();
+    let scene = scene(&Source::new(&document)?, options, &mut warnings)?;
+    Ok(Input { document, scene, warnings: warnings.sentences() })
+}
+
+fn scene(source: &Source, options: &ReadOptions, warnings: &mut Warnings) -> Result<Scene> {
+    let placed = nodes::place(source, options, warnings)?;
+    let mut materials = Materials::new(source);
+    let (meshes, mut instances) = lit(source, &placed, &mut materials, warnings)?;
+    if instances.is_empty() {
+        let left_out = warnings.sentences().join("\n  ");
+        let remedy = if left_out.is_empty() { "export the meshes too".into() } else { left_out };
+        return Err(Error::invalid(source.file, "scene", "there is no triangle to light", remedy));
+    }
+    let origin = centre(source, &meshes, &instances)?;
+    for instance in &mut instances {
+        instance.transform.translation -= origin;
+    }
+    let lights = lights::read(source, &placed, origin, options.light_scale, warnings)?;
+    let cameras = cameras::read(source, &placed, origin)?;
+    let (materials, textures) = materials.finish();
+    Ok(Scene { origin, meshes, instances, materials, textures, lights, sky: Sky::Black, cameras })
+}
+
+/// The nodes that cast and receive, and their meshes, each read once.
+fn lit(
+    source: &Source,
+    placed: &[Placed],
+    materials: &mut Materials,
+    warnings: &mut Warnings,
+) -> Result<(Vec<Mesh>, Vec<Instance>)> {
+    let (mut meshes, mut instances): (Vec<Mesh>, Vec<Instance>) = Default::default();
+    let mut read: HashMap<usize, Option<u32>> = HashMap::new();
+    let mut triangles = 0u64;
+    for p in placed {
+        let Some(index) = source.nodes[p.node].mesh.map(|m| m.value()) else { continue };
+        let name = source.node_name(p.node);
+        source.part(&source.meshes, index, "mesh", &name)?;
+        if !nodes::is_lit(source, p, index, warnings) {
+            continue;
+        }
+        if extensions::extension(source.value("nodes", p.node), extensions::INSTANCING).is_some() {
+            return Err(extensions::refused(source.file, extensions::INSTANCING, &name));
+        }
+        let mesh = match read.get(&index) {
+            Some(known) => *known,
+            None => {
+                let mesh = meshes::read(source, index, materials, warnings)?;
+                let at = mesh.map(|mesh| {
+                    meshes.push(mesh);
+                    meshes.len() as u32 - 1
+                });
+                read.insert(index, at);
+                at
+            }
+        };
+        let Some(mesh) = mesh else { continue };
+        let m = p.world.matrix3;
+        if [m.x_axis.cross(m.y_axis), m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis)] == [DVec3::ZERO; 3] {
+            warnings.about(name, "is scaled to nothing and left out");
+            continue;
+        }
+        triangles += meshes[mesh as usize].triangles.len() as u64;
+        if triangles > u64::from(u32::MAX) {
+            return Err(source.invalid(name, "the scene has more than 4 thousand million triangles"));
+        }
+        let texels_per_meter = p.wishes.texels_per_meter;
+        instances.push(Instance { name, node: p.node as u32, mesh, transform: p.world, texels_per_meter });
+    }
+    Ok((meshes, instances))
+}
+
+/// Centre of the scene's bounding box in the world.
+fn centre(source: &Source, meshes: &[Mesh], instances: &[Instance]) -> Result<DVec3> {
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for instance in instances {
+        let (a, b) = bounds(&meshes[instance.mesh as usize], &instance.transform);
+        if !(a.is_finite() && b.is_finite() && (b - a).max_element() <= MAX_EXTENT) {
+            return Err(source.invalid(&instance.name, format!("is larger than {MAX_EXTENT:e} metres")));
+        }
+        (low, high) = (low.min(a), high.max(b));
+    }
+    if (high - low).max_element() > MAX_EXTENT {
+        return Err(source.invalid("scene", format!("is larger than {MAX_EXTENT:e} metres")));
+    }
+    Ok((low + high) * 0.5)
+}
+
+fn bounds(mesh: &Mesh, transform: &DAffine3) -> (DVec3, DVec3) {
+    let points = mesh.positions.iter().map(|p| transform.transform_point3(p.as_dvec3()));
+    points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
+}

@@ -1,0 +1,45 @@
+//! Filling what a bilinear look-up may touch beyond a chart: never over a texel that has a value.
+
+use super::Map;
+use crate::atlas::PADDING;
+use glam::{IVec2, Vec3};
+
+/// Grows values into `empty` texels, as far as the padding reaches; each new one is the mean of its neighbours with
+/// values, those across an edge counting twice those across a corner.
+pub(super) fn gutters(map: &mut Map, empty: &[bool]) {
+    let (w, h) = (map.size.x as i32, map.size.y as i32);
+    let mut filled: Vec<bool> = empty.iter().map(|e| !e).collect();
+    let mut front: Vec<usize> = (0..filled.len()).filter(|&i| filled[i]).collect();
+    for _ in 0..PADDING {
+        let mut reached: Vec<usize> = front
+            .iter()
+            .flat_map(|&i| around(i, w, h).map(|(n, _)| n))
+            .filter(|&n| !filled[n])
+            .collect();
+        reached.sort_unstable();
+        reached.dedup();
+        let values: Vec<Vec3> = reached.iter().map(|&i| mean(map, &filled, i, w, h)).collect();
+        for (&i, v) in reached.iter().zip(values) {
+            map.irradiance[i] = v;
+            filled[i] = true;
+        }
+        front = reached;
+    }
+}
+
+fn mean(map: &Map, filled: &[bool], i: usize, w: i32, h: i32) -> Vec3 {
+    let (sum, weight) = around(i, w, h)
+        .filter(|&(n, _)| filled[n])
+        .fold((Vec3::ZERO, 0.0), |(s, t), (n, k)| (s + map.irradiance[n] * k, t + k));
+    sum / weight
+}
+
+fn around(i: usize, w: i32, h: i32) -> impl Iterator<Item = (usize, f32)> {
+    let at = IVec2::new(i as i32 % w, i as i32 / w);
+    (-1..=1)
+        .flat_map(|y| (-1..=1).map(move |x| IVec2::new(x, y)))
+        .filter(|d| *d != IVec2::ZERO)
+        .map(move |d| (at + d, if d.x == 0 || d.y == 0 { 2.0 } else { 1.0 }))
+        .filter(move |(p, _)| p.x >= 0 && p.y >= 0 && p.x < w && p.y < h)
+        .map(move |(p, k)| ((p.y * w + p.x) as usize, k))
+}

@@ -1,0 +1,86 @@
+//! Small convex polygons in the plane: clipping to a unit cell (Sutherland and Hodgman, 1974) and area.
+
+use glam::DVec2;
+
+/// A convex polygon of at most eight corners.
+#[derive(Clone, Copy, Debug)]
+pub struct Polygon {
+    corners: [DVec2; 8],
+    count: usize,
+}
+
+impl Polygon {
+    /// A triangle, in either winding.
+    pub fn triangle(t: [DVec2; 3]) -> Self {
+        let mut corners = [DVec2::ZERO; 8];
+        corners[..3].copy_from_slice(&t);
+        Polygon { corners, count: 3 }
+    }
+
+    /// Its corners in order.
+    pub fn corners(&self) -> &[DVec2] {
+        &self.corners[..self.count]
+    }
+
+    /// The part inside [min.x, min.x + 1] x [min.y, min.y + 1].
+    pub fn clipped_to_cell(&self, min: DVec2) -> Self {
+        let mut p = *self;
+        for axis in 0..2 {
+            p = p.clipped(|c| c[axis] - min[axis]);
+            p = p.clipped(|c| min[axis] + 1.0 - c[axis]);
+        }
+        p
+    }
+
+    /// Area, positive.
+    pub fn area(&self) -> f64 {
+        let c = self.corners();
+        let Some(&a) = c.first() else { return 0.0 };
+        c.windows(2).map(|e| (e[0] - a).perp_dot(e[1] - a)).sum::<f64>().abs() * 0.5
+    }
+
+    fn clipped(&self, inside: impl Fn(DVec2) -> f64) -> Self {
+        let mut out = Polygon { corners: [DVec2::ZERO; 8], count: 0 };
+        let c = self.corners();
+        for (i, &b) in c.iter().enumerate() {
+            let a = c[(i + c.len() - 1) % c.len()];
+            let (da, db) = (inside(a), inside(b));
+            if (da >= 0.0) != (db >= 0.0) {
+                out.push(a + (b - a) * (da / (da - db)));
+            }
+            if db >= 0.0 {
+                out.push(b);
+            }
+        }
+        out
+    }
+
+    fn push(&mut self, corner: DVec2) {
+        // Seven corners are the most a triangle and a square can make; rounding may add one without area.
+        if self.count < self.corners.len() {
+            self.corners[self.count] = corner;
+            self.count += 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_of_a_triangle_add_up_to_it() {
+        let t = Polygon::triangle([DVec2::new(0.3, 0.2), DVec2::new(6.7, 1.9), DVec2::new(2.1, 5.6)]);
+        let sum: f64 = (0..7)
+            .flat_map(|x| (0..7).map(move |y| DVec2::new(f64::from(x), f64::from(y))))
+            .map(|min| t.clipped_to_cell(min).area())
+            .sum();
+        assert!((sum - t.area()).abs() < 1e-12, "{sum} {}", t.area());
+    }
+
+    #[test]
+    fn outside_is_empty() {
+        let t = Polygon::triangle([DVec2::ZERO, DVec2::X, DVec2::Y]);
+        assert_eq!(t.clipped_to_cell(DVec2::new(3.0, 0.0)).area(), 0.0);
+    }
+}

@@ -1,0 +1,173 @@
+//! [`Footprint`]: points spread evenly over the surface inside a texel.
+
+use crate::{
+    atlas::Coverage,
+    math::Polygon,
+    scene::World,
+};
+use glam::{DVec2, Vec2, Vec3};
+
+/// The surface inside one texel, cut into cells that are affine images of the unit square or its lower half.
+///
+/// Made once a texel and reused: [`Footprint::set`] keeps the allocations.
+pub struct Footprint<'w> {
+    world: &'w World<'w>,
+    coverage: &'w Coverage,
+    cells: Vec<Cell>,
+    faces: Vec<Face>,
+}
+
+struct Cell {
+    face: u32,
+    square: bool,
+    /// Sum of the areas before this cell, and with it.
+    before: f32,
+    after: f32,
+    position: [Vec3; 3],
+    bary: [Vec2; 3],
+}
+
+struct Face {
+    instance: usize,
+    triangle: u32,
+    local: u32,
+    normal: Vec3,
+    smooth: bool,
+}
+
+/// A point on a surface.
+#[derive(Clone, Copy, Debug)]
+pub struct SurfacePoint {
+    /// World position, on the face.
+    pub position: Vec3,
+    /// Unit face normal of the front.
+    pub face: Vec3,
+    /// Unit shading normal: the interpolated vertex normal where there is one.
+    pub normal: Vec3,
+    /// Global triangle.
+    pub triangle: u32,
+    /// Barycentrics (1 - x - y, x, y).
+    pub bary: Vec2,
+}
+
+impl SurfacePoint {
+    /// The same point on the back of the surface.
+    pub fn reversed(self) -> Self {
+        SurfacePoint { face: -self.face, normal: -self.normal, ..self }
+    }
+
+    /// Share of the cosine-weighted hemisphere about `normal` that lies above the face: (1 + cos a) / 2.
+    pub fn kept(&self) -> f32 {
+        0.5 * (1.0 + self.normal.dot(self.face))
+    }
+}
+
+impl<'w> Footprint<'w> {
+    /// An empty footprint.
+    pub fn new(world: &'w World<'w>, coverage: &'w Coverage) -> Self {
+        Footprint { world, coverage, cells: Vec::new(), faces: Vec::new() }
+    }
+
+    /// Takes on the surface inside `texel`.
+    pub fn set(&mut self, texel: usize) {
+        let (world, coverage) = (self.world, self.coverage);
+        self.cells.clear();
+        self.faces.clear();
+        let at = coverage.texels[texel].at.as_dvec2();
+        let mut sum = 0.0;
+        for fragment in coverage.fragments_of(texel) {
+            let (instance, local) = world.locate(fragment.triangle);
+            let corners = world.corners(instance, local);
+            let normal = world.cross(instance, &corners).normalize_or_zero();
+            let smooth = world.is_smooth(instance, local, normal);
+            self.faces.push(Face { instance, triangle: fragment.triangle, local, normal, smooth });
+            let uv = coverage.charted[fragment.triangle as usize].exact();
+            sum = self.cut(corners, uv, at, fragment.area, sum);
+        }
+    }
+
+    /// World area, m^2.
+    pub fn area(&self) -> f32 {
+        self.cells.last().map_or(0.0, |c| c.after)
+    }
+
+    /// Face normal of the largest piece.
+    pub fn normal(&self) -> Vec3 {
+        let largest = self.cells.iter().max_by(|a, b| (a.after - a.before).total_cmp(&(b.after - b.before)));
+        largest.map_or(Vec3::Y, |c| self.faces[c.face as usize].normal)
+    }
+
+    /// The point for `u` of the unit square; equal areas of the square are equal areas of surface.
+    #[inline]
+    pub fn point(&self, u: Vec2) -> SurfacePoint {
+        let (cell, u) = match &self.cells[..] {
+            [one] => (one, u),
+            cells => {
+                let at = u.x * self.area();
+                let k = cells.partition_point(|c| c.after <= at).min(cells.len() - 1);
+                let c = &cells[k];
+                (c, Vec2::new(((at - c.before) / (c.after - c.before)).clamp(0.0, 1.0), u.y))
+            }
+        };
+        let f = if cell.square { u } else { square_to_triangle(u) };
+        let face = &self.faces[cell.face as usize];
+        let bary = (cell.bary[0] + cell.bary[1] * f.x + cell.bary[2] * f.y).max(Vec2::ZERO);
+        SurfacePoint {
+            position: cell.position[0] + cell.position[1] * f.x + cell.position[2] * f.y,
+            face: face.normal,
+            normal: if face.smooth { self.world.normal(face.instance, face.local, bary, face.normal) } else { face.normal },
+            triangle: face.triangle,
+            bary,
+        }
+    }
+
+    /// Adds the cells of one fragment, whose uv clipped to the texel at `at` is a convex polygon.
+    fn cut(&mut self, corners: [Vec3; 3], uv: [DVec2; 3], at: DVec2, area: f32, before: f32) -> f32 {
+        let face = self.faces.len() as u32 - 1;
+        let clipped = Polygon::triangle(uv).clipped_to_cell(at);
+        let total = clipped.area();
+        let c = clipped.corners();
+        let bary = |p: DVec2| barycentrics(uv, p);
+        let position = |b: DVec2| {
+            let [p, q, r] = corners.map(|c| c.as_dvec3());
+            (p + (q - p) * b.x + (r - p) * b.y).as_vec3()
+        };
+        let mut sum = before;
+        let mut add = |square: bool, a: DVec2, b: DVec2, c: DVec2, share: f64| {
+            let (a, b, c) = (bary(a), bary(b), bary(c));
+            let (pa, pb, pc) = (position(a), position(b), position(c));
+            let after = sum + area * share as f32;
+            if after > sum {
+                self.cells.push(Cell {
+                    face,
+                    square,
+                    before: sum,
+                    after,
+                    position: [pa, pb - pa, pc - pa],
+                    bary: [a.as_vec2(), (b - a).as_vec2(), (c - a).as_vec2()],
+                });
+                sum = after;
+            }
+        };
+        if c.len() == 4 && total > 1.0 - 1e-9 {
+            add(true, c[0], c[1], c[3], 1.0);
+        } else {
+            for k in 1..c.len().saturating_sub(1) {
+                let share = (c[k] - c[0]).perp_dot(c[k + 1] - c[0]).abs() * 0.5 / total;
+                add(false, c[0], c[k], c[k + 1], share);
+            }
+        }
+        sum
+    }
+}
+
+fn barycentrics(uv: [DVec2; 3], p: DVec2) -> DVec2 {
+    let (e1, e2, d) = (uv[1] - uv[0], uv[2] - uv[0], p - uv[0]);
+    DVec2::new(d.perp_dot(e2), e1.perp_dot(d)) / e1.perp_dot(e2)
+}
+
+/// Area-preserving fold of the unit square onto the triangle (0,0), (1,0), (0,1) (Heitz, "A Low-Distortion Map Between
+/// Triangle and Square", 2019).
+fn square_to_triangle(u: Vec2) -> Vec2 {
+    if u.y > u.x { Vec2::new(u.x * 0.5, u.y - u.x * 0.5) } else { Vec2::new(u.x - u.y * 0.5, u.y * 0.5) }
+}

@@ -1,0 +1,195 @@
+//! [`Patches`]: what each texel stands for, and which patch a ray has hit.
+//!
+//! Fronts come first, in the order of [`Coverage`]; a back patch exists for each double-sided texel whose back a ray has
+//! met, so that no light seeps through a sheet.
+
+mod footprint;
+
+pub use footprint::{Footprint, SurfacePoint};
+
+use crate::{
+    atlas::{Coverage, NO_PAGE},
+    math::PointTable,
+    scene::World,
+    trace::Hit,
+};
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+/// Structure of arrays, one entry a patch.
+#[derive(Clone, Debug, Default)]
+pub struct Patches {
+    /// World area without holes, m^2.
+    pub area: Vec<f32>,
+    /// A point on the surface near the texel's middle.
+    pub center: Vec<Vec3>,
+    /// Unit face normal (of the largest piece); turned around for backs.
+    pub normal: Vec<Vec3>,
+    /// Diffuse reflectance, capped.
+    pub reflectance: Vec<Vec3>,
+    /// Emitted exitance M = pi L, W/m^2.
+    pub exitance: Vec<Vec3>,
+    /// Share of the surface that other geometry does not enclose, (0, 1]; 1 before rays have looked.
+    pub validity: Vec<f32>,
+    /// True where other geometry encloses all of it.
+    pub buried: Vec<bool>,
+    /// Number of fronts: the covered texels.
+    pub fronts: usize,
+    /// The texel of each back patch; patch `fronts + k` is the back of `backs[k]`.
+    pub backs: Vec<u32>,
+    /// Area whose reflectance was capped, m^2.
+    pub capped_area: f64,
+    /// Area more than half metallic, m^2.
+    pub metallic_area: f64,
+}
+
+/// What a ray sees at its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Seen {
+    /// The front of a texel.
+    Front(u32),
+    /// The back of a double-sided texel.
+    Back(u32),
+    /// The back of a single-sided surface, or one that is not lit: nothing comes from there.
+    Dark,
+    /// A surface that no texel covers.
+    Lost,
+}
+
+/// Points a texel over which material properties are averaged.
+const MATERIAL_POINTS: usize = 16;
+
+struct Front {
+    area: f32,
+    center: Vec3,
+    normal: Vec3,
+    reflectance: Vec3,
+    exitance: Vec3,
+    capped: bool,
+    metallic: bool,
+}
+
+impl Patches {
+    /// Averages the materials over every covered texel. `max_reflectance` caps each channel.
+    pub fn new(world: &World, coverage: &Coverage, max_reflectance: f32) -> Self {
+        let table = PointTable::new(MATERIAL_POINTS, 0x6d61_7465);
+        let fronts: Vec<Front> = (0..coverage.texels.len())
+            .into_par_iter()
+            .map_init(
+                || Footprint::new(world, coverage),
+                |footprint, t| front(world, coverage, &table, footprint, t, max_reflectance),
+            )
+            .collect();
+        let area_of = |pick: fn(&Front) -> bool| fronts.iter().filter(|f| pick(f)).map(|f| f64::from(f.area)).sum();
+        Patches {
+            area: fronts.iter().map(|f| f.area).collect(),
+            center: fronts.iter().map(|f| f.center).collect(),
+            normal: fronts.iter().map(|f| f.normal).collect(),
+            reflectance: fronts.iter().map(|f| f.reflectance).collect(),
+            exitance: fronts.iter().map(|f| f.exitance).collect(),
+            validity: vec![1.0; fronts.len()],
+            buried: vec![false; fronts.len()],
+            fronts: fronts.len(),
+            backs: Vec::new(),
+            capped_area: area_of(|f| f.capped),
+            metallic_area: area_of(|f| f.metallic),
+        }
+    }
+
+    /// Adds the backs of `texels`.
+    pub fn add_backs(&mut self, texels: &[u32]) {
+        for &t in texels {
+            let t = t as usize;
+            self.area.push(self.area[t]);
+            self.center.push(self.center[t]);
+            self.normal.push(-self.normal[t]);
+            self.reflectance.push(self.reflectance[t]);
+            self.exitance.push(self.exitance[t]);
+            self.validity.push(1.0);
+            self.buried.push(false);
+        }
+        self.backs.extend_from_slice(texels);
+    }
+
+    /// Number of patches.
+    pub fn len(&self) -> usize {
+        self.area.len()
+    }
+
+    /// True if nothing is covered.
+    pub fn is_empty(&self) -> bool {
+        self.area.is_empty()
+    }
+
+    /// The texel of a patch, and whether the patch is its back.
+    pub fn texel(&self, patch: usize) -> (usize, bool) {
+        if patch < self.fronts { (patch, false) } else { (self.backs[patch - self.fronts] as usize, true) }
+    }
+}
+
+/// The patch that a hit meets.
+#[inline]
+pub fn seen(world: &World, coverage: &Coverage, hit: &Hit) -> Seen {
+    let charted = &coverage.charted[hit.triangle as usize];
+    if charted.page == NO_PAGE || (!hit.front && !world.material(hit.triangle).double_sided) {
+        return Seen::Dark;
+    }
+    let [a, b, c] = charted.corners;
+    let at = a + (b - a) * hit.bary.x + (c - a) * hit.bary.y;
+    let t = coverage.texel_at(charted.page, at).or_else(|| coverage.texel_beside(charted.page, at, (a + b + c) / 3.0));
+    match t {
+        None => Seen::Lost,
+        Some(t) if hit.front => Seen::Front(t),
+        Some(t) => Seen::Back(t),
+    }
+}
+
+fn front(
+    world: &World,
+    coverage: &Coverage,
+    table: &PointTable,
+    footprint: &mut Footprint,
+    texel: usize,
+    max_reflectance: f32,
+) -> Front {
+    footprint.set(texel);
+    let at = coverage.texels[texel].at;
+    let (mut reflectance, mut emission, mut weight, mut dielectric) = (Vec3::ZERO, Vec3::ZERO, 0.0, 0.0);
+    for point in table.block(at.x, at.y, 0) {
+        let p = footprint.point(point.place);
+        let (instance, t) = world.locate(p.triangle);
+        let mesh = world.mesh(instance);
+        let size = texture_footprint(world, coverage, p.triangle) / (MATERIAL_POINTS as f32).sqrt();
+        let s = world.scene.surface(mesh, t, p.bary, size);
+        // Transmitted light is no hole: only what alpha cuts away does not count as surface.
+        let solid = if world.material(p.triangle).transmission > 0.0 { 1.0 } else { 1.0 - s.transmittance.x };
+        reflectance += s.reflectance * solid;
+        emission += s.emission * solid;
+        dielectric += s.dielectric * solid;
+        weight += solid;
+    }
+    let mean = 1.0 / f32::max(weight, 1e-6);
+    let (reflectance, emission) = (reflectance * mean, emission * mean);
+    Front {
+        area: footprint.area() * weight / MATERIAL_POINTS as f32,
+        center: footprint.point(Vec2::splat(0.5)).position,
+        normal: footprint.normal(),
+        reflectance: reflectance.min(Vec3::splat(max_reflectance)),
+        exitance: emission * std::f32::consts::PI,
+        capped: reflectance.max_element() > max_reflectance,
+        metallic: weight > 0.0 && dielectric * mean < 0.5,
+    }
+}
+
+/// Length, in the base texture's coordinates, of one texel of the lightmap on this triangle.
+fn texture_footprint(world: &World, coverage: &Coverage, triangle: u32) -> f32 {
+    let (instance, t) = world.locate(triangle);
+    let mesh = world.mesh(instance);
+    let material = world.material(triangle);
+    let slot = material.base_texture.as_ref().or(material.emission_texture.as_ref());
+    let Some(set) = slot.and_then(|r| mesh.uvs.get(r.set as usize)).filter(|set| !set.is_empty()) else { return 0.0 };
+    let [a, b, c] = mesh.triangles[t as usize].map(|v| set[v as usize]);
+    let [p, q, r] = coverage.charted[triangle as usize].corners;
+    let (texture, lightmap) = ((b - a).perp_dot(c - a).abs(), (q - p).perp_dot(r - p).abs());
+    if lightmap > 0.0 { (texture / lightmap).sqrt() } else { 0.0 }
+}
