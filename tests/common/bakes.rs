@@ -3,18 +3,39 @@
 use super::stage::{Chart, Stage};
 use glam::{DVec3, UVec2, Vec2, Vec3};
 use luxel::{
-    atlas::{self, Density, NO_TEXEL, Unwrap},
+    atlas::{self, Atlas, Coverage, Density, NO_TEXEL, Unwrap},
     bake::{Baked, Options, bake},
+    lightmaps::Lightmaps,
+    patches::Patches,
     progress::Silent,
+    report::Report,
     scene::Scene,
 };
+use std::path::Path;
 
 /// A finished bake of a stage's own charts.
 pub struct Shot {
-    pub baked: Baked,
+    pub baked: Parts,
     pub scene: Scene,
     corners: Vec<UVec2>,
     sizes: Vec<UVec2>,
+}
+
+/// What is left of a bake without its borrow of the scene.
+pub struct Parts {
+    pub atlas: Atlas,
+    pub coverage: Coverage,
+    pub patches: Patches,
+    pub irradiance: Vec<Vec3>,
+    pub lightmaps: Lightmaps,
+    pub report: Report,
+}
+
+/// Bakes a scene.
+pub fn parts(scene: &Scene, options: &Options) -> Parts {
+    let baked = bake(scene, options, Path::new("a test's scene"), &Silent).expect("the scene bakes");
+    let Baked { atlas, coverage, patches, irradiance, lightmaps, report, .. } = baked;
+    Parts { atlas, coverage, patches, irradiance, lightmaps, report }
 }
 
 /// Options for tests: `rays` a row, reflectance up to .9999.
@@ -32,18 +53,18 @@ pub fn shoot_with(mut stage: Stage, mut options: Options) -> Shot {
     let (edge, corners) = stage.lay_out();
     options.atlas = atlas::Options { unwrap: Unwrap::Keep, density: Density::Resolution(edge), page_size: 8192 };
     let Stage { scene, sizes, .. } = stage;
-    let baked = bake(&scene, &options, &Silent).expect("the scene bakes");
+    let baked = parts(&scene, &options);
     assert_eq!(baked.lightmaps.pages.len(), 1, "disjoint charts are one page's layout");
     assert_eq!(baked.atlas.pages[0].size, UVec2::splat(edge), "the page is exactly the resolution");
     Shot { baked, scene, corners, sizes }
 }
 
 /// Bakes a scene with the default unwrapper on one page of `edge` texels.
-pub fn unwrapped(mut stage: Stage, edge: u32, rays: u32) -> Baked {
+pub fn unwrapped(mut stage: Stage, edge: u32, rays: u32) -> Parts {
     stage.lay_out();
     let mut options = options(rays);
     options.atlas.density = Density::Resolution(edge);
-    bake(&stage.scene, &options, &Silent).expect("the scene bakes")
+    parts(&stage.scene, &options)
 }
 
 /// First channel of a colour; grey scenes have three equal ones.

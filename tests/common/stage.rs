@@ -95,6 +95,7 @@ impl Stage {
             normals: s.normals,
             uvs: Vec::new(),
             colors: Vec::new(),
+            source: chart as u32,
             triangles: s.triangles,
             primitives,
         });

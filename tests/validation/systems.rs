@@ -1,16 +1,55 @@
 //! Small exact systems: given form factors, one element a surface, straight to the solver.
 
 use crate::{Case, Outcome, numbers, vectors};
+use glam::Vec3;
+use luxel::{
+    direct::Direct,
+    patches::Patches,
+    progress::Silent,
+    radiosity::{Solver, System},
+    transport::Transport,
+};
+
+/// Most entries of a row; weights are implicit, so a factor is a count over their number.
+const ENTRIES: u32 = 8192;
 
 /// Irradiance H of each surface: H_i = sum_j F_ij (M_j + rho_j H_j).
 fn solve_lumped(f: &[Vec<f64>], rho: &[f64], exitance: &[f64]) -> Vec<f64> {
-    let mut h = vec![0.0; rho.len()];
-    for _ in 0..20_000 {
-        for i in 0..h.len() {
-            h[i] = (0..h.len()).map(|j| f[i][j] * (exitance[j] + rho[j] * h[j])).sum();
-        }
+    let n = rho.len();
+    let grey = |v: &[f64]| v.iter().map(|v| Vec3::splat(*v as f32)).collect::<Vec<_>>();
+    let patches = Patches {
+        area: vec![1.0; n],
+        reflectance: grey(rho),
+        exitance: grey(exitance),
+        validity: vec![1.0; n],
+        buried: vec![false; n],
+        fronts: n,
+        ..Patches::default()
+    };
+    let none = || vec![Vec3::ZERO; n];
+    let direct = Direct { lights: none(), hidden_lights: none(), emitters: none(), sky_peaks: none(), shadow_rays: 0 };
+    let transport = Transport::from_rows(n, f.iter().map(|row| counted(row)));
+    transport.validate().expect("rows of form factors");
+    let sky = vec![Vec3::ZERO; luxel::math::CELLS as usize];
+    let system = System::new(&transport, &patches, &direct, &sky, true);
+    let solved = Solver::ALL.map(|s| system.solve(s, 1e-7, &Silent).expect("nobody interrupts").indirect);
+    for (a, b) in solved[0].iter().zip(&solved[1]) {
+        assert!((a.x - b.x).abs() <= precision(f64::from(a.x)) as f32, "solvers differ: {a} {b}");
     }
-    h
+    solved[0].iter().map(|e| f64::from(e.x)).collect()
+}
+
+/// A row as counts over the number of entries at which they come closest.
+fn counted(row: &[f64]) -> (Vec<u32>, f32) {
+    let counts = |n: u32| row.iter().map(|f| (f * f64::from(n)).round()).collect::<Vec<_>>();
+    let off = |n: u32| {
+        let error = |(f, c): (&f64, &f64)| (f - c / f64::from(n)).abs();
+        row.iter().zip(&counts(n)).map(error).fold(0.0, f64::max)
+    };
+    let whole = |n: &u32| counts(*n).iter().sum::<f64>() <= f64::from(*n);
+    let n = (1..=ENTRIES).filter(whole).min_by(|a, b| off(*a).total_cmp(&off(*b))).expect("a row of counts");
+    let columns = counts(n).iter().enumerate().flat_map(|(j, c)| vec![j as u32; *c as usize]).collect();
+    (columns, 1.0 / n as f32)
 }
 
 /// Radiosities B = M + rho H.
@@ -20,9 +59,9 @@ fn radiosities(f: &[Vec<f64>], rho: &[f64], exitance: &[f64]) -> (Vec<f64>, Vec<
     (h, b)
 }
 
-/// Single precision in factors and unknowns, and the solver's stopping bound: 1e-6 of the value.
+/// Sums of up to [`ENTRIES`] single-precision entries, one after the other: at worst half a last place each.
 fn precision(value: f64) -> f64 {
-    1e-6 * value.abs()
+    f64::from(ENTRIES) / f64::from(1 << 24) * value.abs()
 }
 
 pub fn prism(case: &Case) -> Outcome {
