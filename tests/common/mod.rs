@@ -1,0 +1,7 @@
+//! What the integration tests share: building scenes by hand, baking them, reading texels back.
+#![allow(dead_code, reason = "each test binary uses a part of it")]
+
+pub mod bakes;
+pub mod exact;
+pub mod scenes;
+pub mod stage;

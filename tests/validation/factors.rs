@@ -1,0 +1,176 @@
+//! Form factors through a bake: surface 1 receives, surface 2 emits M = 1, both black, so the mean of E over 1 is F12.
+//!
+//! Receivers have about 1024 texels of 1024 rays; a mean of texels is exact, so texel size costs nothing.
+
+use crate::common::{
+    bakes::{Shot, grey, shoot},
+    exact,
+    scenes::{Ball, Cuboid, FACES, Face, disc, polygon, rectangle, unit_room},
+    stage::{Chart, Stage},
+};
+use crate::{Case, Check, Outcome, numbers, vectors};
+use glam::{DVec3, UVec2, Vec3, uvec2, vec3};
+
+const RAYS: u32 = 1024;
+const EMITTER: UVec2 = UVec2::splat(4);
+
+/// Black receivers and emitters.
+fn black() -> (Stage, u32, u32) {
+    let mut stage = Stage::new();
+    let receiver = stage.material(0.0, 0.0);
+    let emitter = stage.material(0.0, 1.0);
+    (stage, receiver, emitter)
+}
+
+/// Mean of E over charts, and its standard error: that of counted rays, or what the texels show if that is less.
+pub fn share(shot: &Shot, charts: &[Chart], rays: u32) -> (f64, f64) {
+    let (area, mean) = shot.mean(charts);
+    let (mut counted, mut shown) = (0.0, 0.0);
+    for c in charts {
+        let noise = shot.noise(*c).x;
+        for i in shot.texels(*c) {
+            let (a, f) = (f64::from(shot.baked.patches.area[i]) / area, grey(shot.baked.irradiance[i]).clamp(0.0, 1.0));
+            counted += a * a * f * (1.0 - f) / f64::from(rays);
+            shown += a * a * noise * noise;
+        }
+    }
+    (mean.x, libm::sqrt(counted.min(shown)))
+}
+
+/// About 1024 texels for a rectangle.
+fn texels(a: f64, b: f64) -> UVec2 {
+    let density = 32.0 / libm::sqrt(a * b);
+    uvec2((a * density).round().max(4.0) as u32, (b * density).round().max(4.0) as u32)
+}
+
+fn v(x: f64, y: f64, z: f64) -> Vec3 {
+    vec3(x as f32, y as f32, z as f32)
+}
+
+/// F from rectangle 1 (corner, edge, edge; its front is s x t) to rectangle 2.
+fn between(case: &Case, one: [Vec3; 3], two: [Vec3; 3]) -> Outcome {
+    let (mut stage, receiver, emitter) = black();
+    let n = texels(f64::from(one[1].length()), f64::from(one[2].length()));
+    let chart = rectangle(&mut stage, receiver, one, n);
+    rectangle(&mut stage, emitter, two, EMITTER);
+    finish(case, stage, chart, 0.0)
+}
+
+fn finish(case: &Case, stage: Stage, receiver: Chart, shape: f64) -> Outcome {
+    let (got, sigma) = share(&shoot(stage, RAYS), &[receiver], RAYS);
+    Ok(vec![case.check("", got, sigma, shape)?])
+}
+
+pub fn parallel_equal_rectangles(case: &Case) -> Outcome {
+    let (a, b, gap) = (case.input("a")?, case.input("b")?, case.input("gap")?);
+    let one = [Vec3::ZERO, v(a, 0.0, 0.0), v(0.0, b, 0.0)];
+    between(case, one, [v(0.0, 0.0, gap), v(0.0, b, 0.0), v(a, 0.0, 0.0)])
+}
+
+pub fn parallel_offset_rectangles(case: &Case) -> Outcome {
+    let i = |key| case.input(key);
+    let (x, y, z) = (i("x1")?, i("y1")?, i("z")?);
+    let one = [v(x, y, 0.0), v(i("x2")? - x, 0.0, 0.0), v(0.0, i("y2")? - y, 0.0)];
+    let (a, b) = (i("a1")?, i("b1")?);
+    between(case, one, [v(a, b, z), v(0.0, i("b2")? - b, 0.0), v(i("a2")? - a, 0.0, 0.0)])
+}
+
+pub fn perpendicular_rectangles(case: &Case) -> Outcome {
+    let i = |key| case.input(key);
+    let (x, y) = (i("x1")?, i("y1")?);
+    let one = [v(x, y, 0.0), v(i("x2")? - x, 0.0, 0.0), v(0.0, i("y2")? - y, 0.0)];
+    let (a, z) = (i("a1")?, i("z1")?);
+    between(case, one, [v(0.0, a, z), v(0.0, i("a2")? - a, 0.0), v(0.0, 0.0, i("z2")? - z)])
+}
+
+pub fn perpendicular_common_edge(case: &Case) -> Outcome {
+    let (h, w, l) = (case.input("h")?, case.input("w")?, case.input("l")?);
+    let floor = [Vec3::ZERO, v(w, 0.0, 0.0), v(0.0, l, 0.0)];
+    between(case, floor, [Vec3::ZERO, v(0.0, l, 0.0), v(0.0, 0.0, h)])
+}
+
+pub fn hinged_rectangles(case: &Case) -> Outcome {
+    let (a, b, angle) = (case.input("a")?, case.input("b")?, case.input("angle_deg")?.to_radians());
+    let edge = case.input("common_edge")?;
+    let up = v(b * libm::cos(angle), 0.0, b * libm::sin(angle));
+    between(case, [Vec3::ZERO, v(a, 0.0, 0.0), v(0.0, edge, 0.0)], [Vec3::ZERO, v(0.0, edge, 0.0), up])
+}
+
+/// Discs are 128-gons of the circle's area: what is left is below (2 pi / 128)^2 / 6 of F.
+pub fn coaxial_discs(case: &Case) -> Outcome {
+    let (r1, r2, h) = (case.input("r1")?, case.input("r2")?, case.input("h")?);
+    let (mut stage, receiver, emitter) = black();
+    let chart = disc(&mut stage, receiver, [Vec3::ZERO, Vec3::X, Vec3::Y], r1, 128, 36);
+    disc(&mut stage, emitter, [v(0.0, 0.0, h), Vec3::Y, Vec3::X], r2, 128, 8);
+    finish(case, stage, chart, 4e-4 * case.expects("")?)
+}
+
+/// The point is a square of side .01; what that changes is integrated from the closed form.
+pub fn element_to_polygon(case: &Case) -> Outcome {
+    let point = DVec3::from_slice(&numbers(&case.inputs["point"])?);
+    let normal = DVec3::from_slice(&numbers(&case.inputs["normal"])?).normalize();
+    let mut corners: Vec<DVec3> = vectors(&case.inputs["polygon"])?.iter().map(|p| DVec3::from_slice(p)).collect();
+    let front = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+    if front.dot(point - corners[0]) < 0.0 {
+        corners.reverse();
+    }
+    let (s, t) = normal.any_orthonormal_pair();
+    let (s, t) = if s.cross(t).dot(normal) > 0.0 { (s * 0.01, t * 0.01) } else { (t * 0.01, s * 0.01) };
+    let square = [point - s / 2.0 - t / 2.0, s, t];
+    let mean = exact::mean_over(square, 32, |p| exact::element_to_polygon(p, normal, &corners));
+    let (mut stage, receiver, emitter) = black();
+    let chart = rectangle(&mut stage, receiver, square.map(|p| p.as_vec3()), UVec2::splat(32));
+    polygon(&mut stage, emitter, &corners.iter().map(|p| p.as_vec3()).collect::<Vec<_>>(), 4);
+    finish(case, stage, chart, (mean - exact::element_to_polygon(point, normal, &corners)).abs())
+}
+
+/// Share of a ball's output that meets a chart: A E / A_ball. The ball has 64 x 32 facets: below facet^2 / 8 of F.
+fn from_ball(case: &Case, radius: f64, build: impl Fn(&mut Stage, u32) -> Chart) -> Outcome {
+    let (mut stage, receiver, emitter) = black();
+    let chart = build(&mut stage, receiver);
+    let ball = Ball::whole(Vec3::ZERO, radius, uvec2(64, 32), false);
+    let source = ball.build(&mut stage, emitter);
+    let ratio = stage.area(chart) / stage.area(source);
+    let (got, sigma) = share(&shoot(stage, RAYS), &[chart], RAYS);
+    let shape = ball.facet() * ball.facet() / 8.0 * case.expects("")?;
+    Ok(vec![case.check("", got * ratio, sigma * ratio, shape)?])
+}
+
+pub fn sphere_to_rectangle(case: &Case) -> Outcome {
+    let (a, b, d) = (case.input("a")?, case.input("b")?, case.input("d")?);
+    from_ball(case, d / 2.0, |stage, receiver| {
+        rectangle(stage, receiver, [v(0.0, 0.0, d), v(0.0, b, 0.0), v(a, 0.0, 0.0)], texels(a, b))
+    })
+}
+
+pub fn sphere_to_disc(case: &Case) -> Outcome {
+    let (r, h) = (case.input("R")?, case.input("h")?);
+    from_ball(case, h / 2.0, |stage, receiver| disc(stage, receiver, [v(0.0, 0.0, h), Vec3::Y, Vec3::X], r, 128, 36))
+}
+
+pub fn cube_interior(case: &Case) -> Outcome {
+    let side = case.input("cube")? as f32;
+    let (mut stage, receiver, emitter) = black();
+    let room = Cuboid { high: Vec3::splat(side), ..unit_room() };
+    let mut face = |f: Face| {
+        let (material, n) = if f == Face::Top { (emitter, EMITTER) } else { (receiver, UVec2::splat(24)) };
+        room.face(&mut stage, f, material, UVec2::ONE, n)
+    };
+    let [left, right, bottom, _, back, front] = FACES.map(&mut face);
+    let shot = shoot(stage, RAYS);
+    let (opposite, adjacent) = (share(&shot, &[bottom], RAYS), share(&shot, &[left, right, back, front], RAYS));
+    let opposite = case.check("opposite", opposite.0, opposite.1, 0.0)?;
+    let adjacent: Check = case.check("adjacent", adjacent.0, adjacent.1, 0.0)?;
+    Ok(vec![opposite, adjacent])
+}
+
+pub fn obstructed_squares(case: &Case) -> Outcome {
+    let [x, y] = ["blocker_x", "blocker_y"].map(|k| numbers(&case.inputs[k]));
+    let (x, y, z) = (x?, y?, case.input("blocker_z")?);
+    let (mut stage, receiver, emitter) = black();
+    let chart = rectangle(&mut stage, receiver, [Vec3::ZERO, Vec3::X, Vec3::Y], UVec2::splat(32));
+    rectangle(&mut stage, emitter, [Vec3::Z, Vec3::Y, Vec3::X], EMITTER);
+    let blocker = [v(x[0], y[0], z), v(x[1] - x[0], 0.0, 0.0), v(0.0, y[1] - y[0], 0.0)];
+    rectangle(&mut stage, receiver, blocker, EMITTER);
+    finish(case, stage, chart, 0.0)
+}
