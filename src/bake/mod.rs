@@ -17,7 +17,7 @@ use crate::{
     transport::Transport,
 };
 use glam::Vec3;
-use std::{path::Path, time::Instant};
+use std::time::Instant;
 
 /// What a bake does. Lights, sky and exclusions are part of the scene.
 #[derive(Clone, Debug)]
@@ -56,12 +56,12 @@ pub struct Baked<'s> {
     pub report: Report,
 }
 
-/// Bakes `scene`; `file` is named in errors.
-pub fn bake<'s>(scene: &'s Scene, options: &Options, file: &Path, observer: &dyn Observer) -> Result<Baked<'s>> {
+/// Bakes `scene`.
+pub fn bake<'s>(scene: &'s Scene, options: &Options, observer: &dyn Observer) -> Result<Baked<'s>> {
     let mut r = Report::default();
     let mut clock = Clock::start();
 
-    let atlas = clock.time("atlas", || atlas::unwrap(scene, &options.atlas, file, observer, &mut r.warnings))?;
+    let atlas = clock.time("atlas", || atlas::unwrap(scene, &options.atlas, &scene.file, observer, &mut r.warnings))?;
     let world = World::new(scene);
     let coverage = clock.time("coverage", || Coverage::new(&world, &atlas));
     plan::announce(scene, &atlas, &coverage, options, observer)?;
