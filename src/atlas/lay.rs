@@ -20,6 +20,9 @@ pub(super) type Cutter = fn(&[Shape], &dyn Observer) -> Result<Vec<Cut>>;
 /// one layout, whose padding the smallest decides.
 const LARGEST_RATIO: f64 = 16.0;
 
+/// Share of one page that charts should at least fill; below, pages are added.
+const LEAST_USE: f64 = 0.1;
+
 /// Lays out `scene` in charts that `cutter` makes.
 pub(super) fn unwrap(
     scene: &Scene,
@@ -143,6 +146,15 @@ impl Room<'_> {
         }
         if packed.pages > 1 {
             packed = self.pack(&Trial { size, general, lower: &[], direct: false })?;
+        }
+        let area: f64 = mapped.iter().map(|&i| self.instances.areas[i]).sum();
+        let full = f64::from(edge).powi(2) / area;
+        if packed.pages == 1 && mapped.len() > 1 && packed.density.powi(2) < LEAST_USE * full {
+            // Padding ate the page: charts are far below a texel.
+            let size = Size::Pages((0.25 * full).sqrt(), edge);
+            if let Ok(more) = self.pack(&Trial { size, general, lower: &[], direct: false }) {
+                packed = more;
+            }
         }
         let density = packed.density;
         if packed.pages > 1 {
