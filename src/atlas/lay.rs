@@ -310,7 +310,7 @@ impl Room<'_> {
             let items: Vec<Item> = self.with_mapped().into_iter().map(item).collect();
             match uvunwrap::pack(&items, trial.size, self.observer) {
                 // Padding grows with the ratio; it may be more than a small page holds.
-                Err(Failure::TooLarge(_)) if ratio > 1.0 && matches!(trial.size, Size::Page(_)) => ratio /= 4.0,
+                Err(Failure::TooLarge(_)) if uneven(&items) && matches!(trial.size, Size::Page(_)) => ratio /= 4.0,
                 result => return result,
             }
         }
@@ -344,10 +344,15 @@ impl Room<'_> {
     }
 }
 
+/// True if instances of a mesh differ in size.
+fn uneven(items: &[Item]) -> bool {
+    items.iter().any(|i| i.scales.windows(2).any(|w| w[0] != w[1]))
+}
+
 /// `factors`, the smallest raised to the largest over `ratio`.
 fn within(factors: &[f64], ratio: f64) -> Vec<f32> {
     let most = factors.iter().copied().fold(0.0, f64::max);
-    factors.iter().map(|f| f.max(most / ratio).clamp(1e-12, 1e12) as f32).collect()
+    factors.iter().map(|f| f.max(most / ratio.max(1.0)).clamp(1e-12, 1e12) as f32).collect()
 }
 
 /// A rectangle's size on whole texels; it was given that much room.

@@ -31,7 +31,7 @@ const LEAST_AREA: f32 = 1e-6;
 /// Least height of a triangle in that box: more than the packer asks for.
 const LEAST_HEIGHT: f32 = 1e-5 * BOX;
 /// A shape's square root of area in texels, for its rounding of charts to whole texels to be small.
-const TEXELS: f32 = 2048.0;
+const TEXELS: f32 = 1024.0;
 
 /// xatlas keeps global state.
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());

@@ -102,7 +102,8 @@ fn a_cube_fills_its_page() {
     each(&scene, Density::Resolution(128), |atlas, warnings| {
         assert!(warnings.is_empty(), "{warnings:?}");
         assert_eq!((atlas.pages.len(), atlas.pages[0].size.to_array()), (1, [128, 128]));
-        assert!((6..=12).contains(&atlas.layouts[0].chart_count), "{}", atlas.layouts[0].chart_count);
+        // Flat ones, or faces unfolded.
+        assert!((2..=6).contains(&atlas.layouts[0].chart_count), "{}", atlas.layouts[0].chart_count);
         let used = density(&atlas, &scene, 0).powi(2) * 6.0 / 128.0 / 128.0;
         assert!(used > 0.5, "{used}");
     });
