@@ -118,7 +118,8 @@ impl Room<'_> {
     fn one_page(&mut self, edge: u32) -> Result<f64> {
         let mapped = self.mapped();
         if mapped.is_empty() {
-            return Ok(f64::from(edge));
+            let area: f64 = self.users.iter().flat_map(|u| &u.hidden).map(|&i| self.instances.areas[i]).sum();
+            return Ok(if area > 0.0 { f64::from(edge) / area.sqrt() } else { 1.0 });
         }
         let size = Size::Page(edge);
         let mut packed = self.pack(&Trial { size, general: None, lower: &[], direct: true })?;

@@ -153,6 +153,8 @@ fn hidden_instances_are_coarse_and_on_hidden_pages() {
         assert!(near(density(&atlas, &scene, 0), 40.0));
         assert!(near(density(&atlas, &scene, 1), 5.0), "{}", density(&atlas, &scene, 1));
     });
+    scene.instances[0].texels_per_meter = Some(0.0);
+    each(&scene, Density::Resolution(256), |atlas, _| assert!(atlas.pages.len() == 1 && atlas.pages[0].hidden));
 }
 
 #[test]
