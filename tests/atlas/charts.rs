@@ -105,7 +105,8 @@ fn a_cube_fills_its_page() {
         // Flat ones, or faces unfolded.
         assert!((2..=6).contains(&atlas.layouts[0].chart_count), "{}", atlas.layouts[0].chart_count);
         let used = density(&atlas, &scene, 0).powi(2) * 6.0 / 128.0 / 128.0;
-        assert!(used > 0.5, "{used}");
+        // Faces unfolded into strips leave corners empty.
+        assert!(used > 0.4, "{used}");
     });
 }
 
