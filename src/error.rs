@@ -70,7 +70,12 @@ impl Error {
     }
 
     /// [`Error::Invalid`] with everything said.
-    pub fn invalid(file: &Path, place: impl Into<String>, problem: impl Into<String>, remedy: impl Into<String>) -> Self {
+    pub fn invalid(
+        file: &Path,
+        place: impl Into<String>,
+        problem: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Self {
         Error::Invalid { file: file.into(), place: place.into(), problem: problem.into(), remedy: remedy.into() }
     }
 

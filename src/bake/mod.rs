@@ -67,20 +67,17 @@ pub fn bake<'s>(scene: &'s Scene, options: &Options, observer: &dyn Observer) ->
     plan::announce(scene, &atlas, &coverage, options, observer)?;
     let tracer = clock.time("trace", || Tracer::new(world));
     let mut patches = clock.time("patches", || Patches::new(&tracer.world, &coverage, options.max_reflectance));
-    let transport = clock.time("transport", || {
-        Transport::measure(&tracer, &coverage, &mut patches, options.rays, observer)
-    })?;
+    let transport =
+        clock.time("transport", || Transport::measure(&tracer, &coverage, &mut patches, options.rays, observer))?;
     let sources = Sources::new(&tracer, &patches);
-    let direct = clock.time("direct", || {
-        Direct::measure(&tracer, &coverage, &patches, &sources, options.rays, observer)
-    })?;
+    let direct =
+        clock.time("direct", || Direct::measure(&tracer, &coverage, &patches, &sources, options.rays, observer))?;
     let sky = sky_cells(&scene.sky);
     let radiosity = clock.time("radiosity", || {
         Radiosity::solve(&transport, &patches, &direct, &sky, sources.gathered, Solver::default(), observer)
     })?;
-    let lightmaps = clock.time("lightmaps", || {
-        Lightmaps::new(&atlas, &coverage, &patches, &direct, &radiosity, options.content)
-    });
+    let lightmaps =
+        clock.time("lightmaps", || Lightmaps::new(&atlas, &coverage, &patches, &direct, &radiosity, options.content));
 
     r.seconds = clock.seconds;
     r.energy = energy::balance(&patches, &transport, &direct, &sky, &radiosity);

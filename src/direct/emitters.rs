@@ -326,7 +326,12 @@ mod tests {
         let n = Vec3::new(libm::sinf(tilt), 0.0, libm::cosf(tilt));
         let p = point(Vec3::Z, n);
         let big = 1e5;
-        let quad = [Vec3::new(-big, -big, 1.0), Vec3::new(big, -big, 1.0), Vec3::new(big, big, 1.0), Vec3::new(-big, big, 1.0)];
+        let quad = [
+            Vec3::new(-big, -big, 1.0),
+            Vec3::new(big, -big, 1.0),
+            Vec3::new(big, big, 1.0),
+            Vec3::new(-big, big, 1.0),
+        ];
         let mut sum = 0.0;
         for t in [[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]] {
             let mut c = Corners::new(t);

@@ -96,7 +96,10 @@ impl Scene {
         let primitive = &mesh.primitives[mesh.primitive_of(t)];
         let m = &self.materials[primitive.material as usize];
         if m.unlit {
-            return Surface { transmittance: Vec3::splat(self.hole(m, mesh, t, bary, footprint)), ..Surface::default() };
+            return Surface {
+                transmittance: Vec3::splat(self.hole(m, mesh, t, bary, footprint)),
+                ..Surface::default()
+            };
         }
         let look = |r: &Option<TextureRef>| r.as_ref().map_or(Vec4::ONE, |r| self.texel(r, mesh, t, bary, footprint));
         let color = vertex_color(mesh, t, bary);

@@ -59,8 +59,7 @@ pub(super) fn measure(
     let mut stats = Stats::default();
     observer.begin("transport", texels as u64);
     while !wave.is_empty() {
-        let done: Vec<_> =
-            wave.par_chunks(BLOCK).map(|texels| shooter.block(texels, back, observer)).collect();
+        let done: Vec<_> = wave.par_chunks(BLOCK).map(|texels| shooter.block(texels, back, observer)).collect();
         check(observer)?;
         for (block, outcomes) in done {
             blocks.push(block);
