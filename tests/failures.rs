@@ -6,7 +6,7 @@
 mod common;
 
 use common::{
-    bakes::{Shot, grey, options, parts, shoot, shoot_with, spread, worst},
+    bakes::{Shot, grey, options, parts, shoot, shoot_with, spread, within_sigma, worst},
     exact,
     scenes::{Ball, Cuboid, FACES, Face, furnished, rectangle, unit_room},
     stage::{Chart, Stage, Surface},
@@ -151,13 +151,9 @@ fn failure_coplanar_duplicate_faces() {
             block.face(&mut stage, f, white, UVec2::ONE, UVec2::splat(8));
         }
         let shot = shoot(stage, 256);
-        let under = |i: &usize| {
-            let c = shot.baked.patches.center[*i];
-            (c.x - 0.5).abs() < 0.24 && (c.z - 0.5).abs() < 0.24
-        };
-        let hidden: Vec<usize> = shot.texels(room[2]).into_iter().filter(under).collect();
-        assert_eq!(hidden.len(), 64);
-        assert!(hidden.iter().all(|i| shot.baked.irradiance[*i] == Vec3::ZERO), "light under the block");
+        let hidden = shot.placed(room[2]).into_iter().filter(|(_, p)| (*p - 0.5).abs().max_element() < 0.24);
+        assert!(hidden.clone().count() == 64);
+        assert!(hidden.clone().all(|(i, _)| shot.baked.irradiance[i] == Vec3::ZERO), "light under the block");
         let sides = [room[0], room[1], room[4], room[5]];
         (shot.mean(&sides).1.x, libm::sqrt(4.0) / 2.0 * shot.error_of_mean(room[0]))
     };
@@ -192,7 +188,6 @@ fn failure_tiny_emitter() {
     assert!(off < 1e-3, "off by {off}");
 }
 
-/// Share of the direct sun that a coarse floor may miss: its texels are sampled at few points.
 #[test]
 fn failure_sun_through_hole() {
     let mut stage = Stage::new();
@@ -216,21 +211,23 @@ fn failure_sun_through_hole() {
     }
     let sun = vec3(0.5, -libm::sqrtf(0.75), 0.0);
     stage.light(LightKind::Directional { angle: 0.0 }, Vec3::ZERO, sun, 1.0);
-    let black_sky = Sky::Black;
-    stage.scene.sky = black_sky;
-    let content = luxel::lightmaps::Content::Direct;
-    let shot = shoot_with(stage, Options { content, ..options(256) });
+    let (content, rays) = (luxel::lightmaps::Content::Direct, 2048);
+    let shot = shoot_with(stage, Options { content, ..options(rays) });
     let chart = |i: usize, j: usize| floor[j][i].expect("the floor is whole");
     let direct = |c: Chart| shot.mapped(c).into_iter().map(grey).collect::<Vec<_>>();
-    assert!(worst(direct(chart(2, 2)), 0.8660254) < 1e-4, "inside: {:?}", spread(&direct(chart(2, 2))));
+    // Rays start a hair above the floor: the border of the spot moves by up to 1e-5 m in texels of .0125 m.
+    assert!(worst(direct(chart(2, 2)), 0.8660254) < 1e-3, "inside: {:?}", spread(&direct(chart(2, 2))));
     for (i, j) in [(1, 2), (3, 2), (2, 1), (2, 3)] {
         // Rounding of the square's border touches the first row of texels at most.
         let (mean, _) = spread(&direct(chart(i, j)));
         assert!(mean < 1e-3, "outside ({i}, {j}): {mean}");
     }
-    // What leaves through the hole again is below 2 x .01 / 96 of the light; rows are noise of 1 %.
+    // What leaves through the hole again is below 2 x .01 / 96 of the light. Half the light is scattered once more, and
+    // is found by those rays that hit the spot: rays x .01 / (mean area of a texel).
     let [absorbed, _] = shot.power();
-    assert!((absorbed / 0.00866025 - 1.0).abs() < 0.01, "{absorbed}");
+    let hits = f64::from(rays) * 0.01 * shot.baked.report.texels as f64 / 96.0;
+    let sigma = 0.5 / libm::sqrt(hits);
+    assert!((absorbed / 0.00866025 - 1.0).abs() < 3.0 * sigma + 2e-4, "{absorbed}, sigma {sigma}");
 }
 
 #[test]
@@ -262,8 +259,8 @@ fn failure_hemicube_alias() {
     rectangle(&mut stage, lamp, [vec3(0.0, 1.0, 0.0), Vec3::X * 0.01, Vec3::Z * 0.01], UVec2::splat(2));
     let plane = rectangle(&mut stage, black, [vec3(-1.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0], UVec2::splat(10));
     let shot = shoot(stage, 64);
-    for i in shot.texels(plane) {
-        let c = shot.baked.patches.center[i].as_dvec3();
+    for (i, place) in shot.placed(plane) {
+        let c = DVec3::new(place.y * 2.0 - 1.0, 0.0, place.x * 2.0 - 1.0);
         let square = [c - DVec3::new(0.1, 0.0, 0.1), DVec3::X * 0.2, DVec3::Z * 0.2];
         let expected = exact::mean_over(square, 16, |p| exact::element_to_polygon(p, DVec3::Y, &corners));
         let got = grey(shot.baked.irradiance[i]);
@@ -272,6 +269,7 @@ fn failure_hemicube_alias() {
     }
 }
 
+/// The same light from one emitter, left to the rows or in closed form, and from 20 000 triangles, sampled.
 #[test]
 fn failure_many_small_emitters() {
     let lit = |cells: u32| {
@@ -281,12 +279,21 @@ fn failure_many_small_emitters() {
             Face::Top => unit_room().face(&mut stage, f, lamp, UVec2::splat(cells), UVec2::splat(20)),
             _ => unit_room().face(&mut stage, f, white, UVec2::ONE, UVec2::splat(12)),
         });
-        let shot = shoot(stage, 128);
-        FACES.map(|f| shot.values(faces[f as usize]).iter().map(|e| grey(*e)).collect::<Vec<_>>())
+        (shoot(stage, 256), faces)
     };
     let (one, many) = (lit(1), lit(100));
-    for (a, b) in one.iter().flatten().zip(many.iter().flatten()) {
-        assert!((a - b).abs() <= 2e-3 * a.max(0.1), "{a} {b}");
+    for face in 0..6 {
+        let [(a, sa), (b, sb)] =
+            [&one, &many].map(|(shot, faces)| (shot.values(faces[face]), shot.noise(faces[face]).x));
+        // Half the light is scattered on: noise by 1 / (1 - rho).
+        let sigma = libm::hypot(sa, sb) * 2.0;
+        let errors: Vec<f64> = a.iter().zip(&b).map(|(a, b)| f64::from(a.x - b.x) / sigma).collect();
+        if let Err(e) = within_sigma(&errors) {
+            let k = (0..errors.len()).max_by(|a, b| errors[*a].abs().total_cmp(&errors[*b].abs())).unwrap_or(0);
+            panic!("face {face}: {e}; texel {k}: {} and {}", a[k], b[k]);
+        }
+        let (mean, _) = spread(&errors);
+        assert!(mean.abs() < 3.0 / libm::sqrt(errors.len() as f64), "face {face}: {mean} sigma");
     }
 }
 
@@ -362,7 +369,7 @@ fn failure_t_junction_crack() {
     assert_eq!((rays.escaped, rays.lost), (0, 0));
 }
 
-/// Triangles and charts without area, and a mesh without triangles, change nothing.
+/// Triangles without area and a mesh without triangles change nothing; a chart without area is refused by name.
 #[test]
 fn failure_degenerate() {
     furnace(32, |stage, m| {
@@ -382,18 +389,29 @@ fn failure_degenerate() {
         let spot =
             Surface { positions: vec![point(0.0); 3], uv, triangles: triangles.clone(), size, ..Surface::default() };
         stage.surface("spot", m, spot);
-        let flat = Surface {
-            positions: vec![vec3(0.4, 0.4, 0.4), vec3(0.6, 0.4, 0.4), vec3(0.4, 0.4, 0.6)],
-            uv: vec![Vec2::splat(0.5); 3],
-            triangles,
-            size,
-            ..Surface::default()
-        };
-        stage.surface("no chart", m, flat);
         stage.surface("empty", m, Surface { size, ..Surface::default() });
     });
+    let mut stage = Stage::new();
+    let m = stage.material(0.8, 1.0);
+    unit_room().all(&mut stage, m, 8);
+    let flat = Surface {
+        positions: vec![vec3(0.4, 0.4, 0.4), vec3(0.6, 0.4, 0.4), vec3(0.4, 0.4, 0.6)],
+        uv: vec![Vec2::splat(0.5); 3],
+        triangles: vec![[0, 1, 2]],
+        size: UVec2::ONE,
+        ..Surface::default()
+    };
+    stage.surface("no chart", m, flat);
+    let (edge, _) = stage.lay_out();
+    let mut o = options(32);
+    o.atlas.unwrap = luxel::atlas::Unwrap::Keep;
+    o.atlas.density = luxel::atlas::Density::Resolution(edge);
+    let refused = luxel::bake::bake(&stage.scene, &o, std::path::Path::new("x.glb"), &luxel::progress::Silent);
+    let message = refused.err().expect("a chart without area is refused").to_string();
+    assert!(message.contains("no chart"), "{message}");
 }
 
+/// Scaled by a power of two, every product is the same number but for its exponent.
 #[test]
 fn failure_hdr_range() {
     let values = |m: f32| {
@@ -402,8 +420,9 @@ fn failure_hdr_range() {
         furnished(&mut stage, wall, lamp, 8);
         shoot(stage, 64).baked.irradiance
     };
-    let (one, million) = (values(1.0), values(1e6));
-    for (a, b) in one.iter().zip(&million) {
-        assert!((b.x - 1e6 * a.x).abs() <= 1e-4 * b.x, "{a} {b}");
+    let million = f32::from(1024u16) * 1024.0;
+    let (one, bright) = (values(1.0), values(million));
+    for (a, b) in one.iter().zip(&bright) {
+        assert!((b.x - million * a.x).abs() <= 1e-6 * b.x, "{a} {b}");
     }
 }

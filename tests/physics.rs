@@ -28,8 +28,8 @@ fn follows(shot: &Shot, chart: Chart, law: impl Fn(DVec3) -> f64) {
     let n = shot.rows(chart).len();
     let side = 4.0 / n as f64;
     let (mut sum, mut expected) = (0.0, 0.0);
-    for i in shot.texels(chart) {
-        let c = shot.baked.patches.center[i].as_dvec3();
+    for (i, place) in shot.placed(chart) {
+        let c = DVec3::new(place.y * 4.0 - 2.0, 0.0, place.x * 4.0 - 2.0);
         let e = grey(shot.baked.irradiance[i]);
         let at = |k: i32| law(c + DVec3::new(f64::from(k / 9 - 4), 0.0, f64::from(k % 9 - 4)) * (side / 8.0));
         let (low, high) = (0..81).map(at).fold((f64::INFINITY, 0f64), |(l, h), v| (l.min(v), h.max(v)));
@@ -132,10 +132,10 @@ fn penumbra_is_the_share_of_the_disc() {
     };
     let side = 2.0 * half / f64::from(n);
     let errors: Vec<f64> = shot
-        .texels(chart)
+        .placed(chart)
         .into_iter()
-        .map(|i| {
-            let x = f64::from(shot.baked.patches.center[i].x);
+        .map(|(i, place)| {
+            let x = (place.y - 0.5) * 2.0 * half;
             let expected = (share(x - side / 4.0) + share(x + side / 4.0)) / 2.0;
             let sigma = libm::sqrt(expected * (1.0 - expected) / f64::from(rays)) + r * r;
             (grey(shot.baked.irradiance[i]) - expected) / sigma
