@@ -73,7 +73,7 @@ fn cornell() -> (Scene, Truth) {
     (scene, Truth::read(&data.join("cornell.npz")).expect("the truth"))
 }
 
-fn bake(scene: &Scene, unwrap: Unwrap) -> Baked {
+fn bake(scene: &Scene, unwrap: Unwrap) -> Baked<'_> {
     let atlas = atlas::Options { unwrap, density: Density::Resolution(RESOLUTION), ..atlas::Options::default() };
     let options = bake::Options { atlas, rays: RAYS, ..bake::Options::default() };
     bake::bake(scene, &options, &Silent).expect("a bake")

@@ -59,6 +59,13 @@ pub struct Charted {
 }
 
 impl Charted {
+    /// Texel coordinates at barycentrics (1 - x - y, x, y).
+    #[inline]
+    pub fn at(&self, bary: Vec2) -> Vec2 {
+        let [a, b, c] = self.corners;
+        a + (b - a) * bary.x + (c - a) * bary.y
+    }
+
     /// The corners in double precision, for clipping.
     pub fn exact(&self) -> [DVec2; 3] {
         self.corners.map(|c| c.as_dvec2())
@@ -109,14 +116,20 @@ impl Coverage {
         self.texel(page, at.floor().as_ivec2())
     }
 
-    /// A covered texel next to `at`, where rounding put a hit just outside; the one towards `inside` first.
+    /// The covered texel at `at` on a triangle, or the one beside it where rounding put a hit just outside.
+    #[inline]
+    pub fn texel_near(&self, charted: &Charted, at: Vec2) -> Option<u32> {
+        self.texel_at(charted.page, at).or_else(|| self.texel_beside(charted, at))
+    }
+
     #[cold]
-    pub fn texel_beside(&self, page: u32, at: Vec2, inside: Vec2) -> Option<u32> {
+    fn texel_beside(&self, charted: &Charted, at: Vec2) -> Option<u32> {
+        let [a, b, c] = charted.corners;
         let home = at.floor().as_ivec2();
-        let step = (inside - at).clamp(Vec2::NEG_ONE, Vec2::ONE) * 1e-2;
-        let near = [IVec2::NEG_ONE, IVec2::ZERO, IVec2::ONE];
-        self.texel_at(page, at + step)
-            .or_else(|| near.iter().flat_map(|y| near.map(|x| home + IVec2::new(x.x, y.y))).find_map(|p| self.texel(page, p)))
+        let inward = ((a + b + c) / 3.0 - at).clamp(Vec2::NEG_ONE, Vec2::ONE) * 1e-2;
+        let around = [-1, 0, 1].map(|y| [-1, 0, 1].map(|x| home + IVec2::new(x, y)));
+        self.texel_at(charted.page, at + inward)
+            .or_else(|| around.as_flattened().iter().find_map(|p| self.texel(charted.page, *p)))
     }
 
     #[inline]

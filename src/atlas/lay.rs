@@ -20,6 +20,9 @@ pub(super) type Cutter = fn(&[Shape], &dyn Observer) -> Result<Vec<Cut>>;
 /// one layout, whose padding the smallest decides.
 const LARGEST_RATIO: f64 = 16.0;
 
+/// Share of one page that charts should at least fill; below, pages are added.
+const LEAST_USE: f64 = 0.1;
+
 /// Lays out `scene` in charts that `cutter` makes.
 pub(super) fn unwrap(
     scene: &Scene,
@@ -115,7 +118,8 @@ impl Room<'_> {
     fn one_page(&mut self, edge: u32) -> Result<f64> {
         let mapped = self.mapped();
         if mapped.is_empty() {
-            return Ok(f64::from(edge));
+            let area: f64 = self.users.iter().flat_map(|u| &u.hidden).map(|&i| self.instances.areas[i]).sum();
+            return Ok(if area > 0.0 { f64::from(edge) / area.sqrt() } else { 1.0 });
         }
         let size = Size::Page(edge);
         let mut packed = self.pack(&Trial { size, general: None, lower: &[], direct: true })?;
@@ -143,6 +147,15 @@ impl Room<'_> {
         }
         if packed.pages > 1 {
             packed = self.pack(&Trial { size, general, lower: &[], direct: false })?;
+        }
+        let area: f64 = mapped.iter().map(|&i| self.instances.areas[i]).sum();
+        let full = f64::from(edge).powi(2) / area;
+        if packed.pages == 1 && mapped.len() > 1 && packed.density.powi(2) < LEAST_USE * full {
+            // Padding ate the page: charts are far below a texel.
+            let size = Size::Pages((0.25 * full).sqrt(), edge);
+            if let Ok(more) = self.pack(&Trial { size, general, lower: &[], direct: false }) {
+                packed = more;
+            }
         }
         let density = packed.density;
         if packed.pages > 1 {
@@ -298,7 +311,7 @@ impl Room<'_> {
             let items: Vec<Item> = self.with_mapped().into_iter().map(item).collect();
             match uvunwrap::pack(&items, trial.size, self.observer) {
                 // Padding grows with the ratio; it may be more than a small page holds.
-                Err(Failure::TooLarge(_)) if ratio > 1.0 && matches!(trial.size, Size::Page(_)) => ratio /= 4.0,
+                Err(Failure::TooLarge(_)) if uneven(&items) && matches!(trial.size, Size::Page(_)) => ratio /= 4.0,
                 result => return result,
             }
         }
@@ -332,10 +345,15 @@ impl Room<'_> {
     }
 }
 
+/// True if instances of a mesh differ in size.
+fn uneven(items: &[Item]) -> bool {
+    items.iter().any(|i| i.scales.windows(2).any(|w| w[0] != w[1]))
+}
+
 /// `factors`, the smallest raised to the largest over `ratio`.
 fn within(factors: &[f64], ratio: f64) -> Vec<f32> {
     let most = factors.iter().copied().fold(0.0, f64::max);
-    factors.iter().map(|f| f.max(most / ratio).clamp(1e-12, 1e12) as f32).collect()
+    factors.iter().map(|f| f.max(most / ratio.max(1.0)).clamp(1e-12, 1e12) as f32).collect()
 }
 
 /// A rectangle's size on whole texels; it was given that much room.

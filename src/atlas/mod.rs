@@ -11,6 +11,8 @@ mod place;
 mod shape;
 mod uvunwrap;
 mod validate;
+#[cfg(feature = "xatlas")]
+mod xatlas;
 
 pub use coverage::{Charted, Coverage, Fragment, NO_PAGE, NO_TEXEL, Texel};
 
@@ -136,6 +138,9 @@ pub fn unwrap(
     let atlas = match options.unwrap {
         Unwrap::Keep => keep::unwrap(scene, &instances, options, file, observer, warnings)?,
         Unwrap::Uvunwrap => lay::unwrap(scene, &instances, options, uvunwrap::cut, observer, warnings)?,
+        #[cfg(feature = "xatlas")]
+        Unwrap::Xatlas => lay::unwrap(scene, &instances, options, xatlas::cut, observer, warnings)?,
+        #[cfg(not(feature = "xatlas"))]
         Unwrap::Xatlas => return Err(Error::Usage("built without xatlas; build with --features xatlas".into())),
     };
     debug_assert_eq!(atlas.validate(scene), Ok(()));

@@ -14,7 +14,7 @@ use glam::{DVec2, UVec2, Vec2};
 use uvunwrap::{Density, MeshInput, Options, Packing};
 
 /// Above this many charts packing by shape takes too long.
-const MANY_CHARTS: usize = 1500;
+const MANY_CHARTS: usize = 2500;
 
 /// Cuts each shape into charts.
 pub(super) fn cut(shapes: &[Shape], observer: &dyn Observer) -> Result<Vec<Cut>> {

@@ -17,7 +17,7 @@ use crate::{
     transport::Transport,
 };
 use glam::Vec3;
-use std::{path::Path, time::Instant};
+use std::time::Instant;
 
 /// What a bake does. Lights, sky and exclusions are part of the scene.
 #[derive(Clone, Debug)]
@@ -56,31 +56,28 @@ pub struct Baked<'s> {
     pub report: Report,
 }
 
-/// Bakes `scene`; `file` is named in errors.
-pub fn bake<'s>(scene: &'s Scene, options: &Options, file: &Path, observer: &dyn Observer) -> Result<Baked<'s>> {
+/// Bakes `scene`.
+pub fn bake<'s>(scene: &'s Scene, options: &Options, observer: &dyn Observer) -> Result<Baked<'s>> {
     let mut r = Report::default();
     let mut clock = Clock::start();
 
-    let atlas = clock.time("atlas", || atlas::unwrap(scene, &options.atlas, file, observer, &mut r.warnings))?;
+    let atlas = clock.time("atlas", || atlas::unwrap(scene, &options.atlas, &scene.file, observer, &mut r.warnings))?;
     let world = World::new(scene);
     let coverage = clock.time("coverage", || Coverage::new(&world, &atlas));
     plan::announce(scene, &atlas, &coverage, options, observer)?;
     let tracer = clock.time("trace", || Tracer::new(world));
     let mut patches = clock.time("patches", || Patches::new(&tracer.world, &coverage, options.max_reflectance));
-    let transport = clock.time("transport", || {
-        Transport::measure(&tracer, &coverage, &mut patches, options.rays, observer)
-    })?;
+    let transport =
+        clock.time("transport", || Transport::measure(&tracer, &coverage, &mut patches, options.rays, observer))?;
     let sources = Sources::new(&tracer, &patches);
-    let direct = clock.time("direct", || {
-        Direct::measure(&tracer, &coverage, &patches, &sources, options.rays, observer)
-    })?;
+    let direct =
+        clock.time("direct", || Direct::measure(&tracer, &coverage, &patches, &sources, options.rays, observer))?;
     let sky = sky_cells(&scene.sky);
     let radiosity = clock.time("radiosity", || {
         Radiosity::solve(&transport, &patches, &direct, &sky, sources.gathered, Solver::default(), observer)
     })?;
-    let lightmaps = clock.time("lightmaps", || {
-        Lightmaps::new(&atlas, &coverage, &patches, &direct, &radiosity, options.content)
-    });
+    let lightmaps =
+        clock.time("lightmaps", || Lightmaps::new(&atlas, &coverage, &patches, &direct, &radiosity, options.content));
 
     r.seconds = clock.seconds;
     r.energy = energy::balance(&patches, &transport, &direct, &sky, &radiosity);

@@ -7,10 +7,11 @@ use luxel::{
     bake::Baked,
     files,
     lightmaps::Content,
-    math::luminance,
+    math::{hash, luminance},
     pixels::encode_png,
     preview::{self, Picture, Sight},
     scene::{Camera, Scene},
+    trace::Hit,
 };
 use std::{f32::consts::PI, path::Path};
 
@@ -70,11 +71,28 @@ fn grow(texels: &mut [Option<Vec3>], size: UVec2) {
     }
 }
 
-/// What a ray sees.
+/// What a ray sees: the surface in the light of the map, as a viewer would draw it.
 fn sight(scene: &Scene, baked: &Baked, origin: Vec3, direction: Vec3) -> Option<Sight> {
-    // STUB until the tracer is merged: closest hit -> texel -> rho E / pi + L.
-    let _ = (scene, baked, origin, direction);
-    None
+    let world = &baked.tracer.world;
+    let key = direction.to_array().map(f32::to_bits).into_iter().fold(0, hash);
+    let hit = baked.tracer.closest(origin, direction, key)?;
+    let front = hit.front || world.material(hit.triangle).double_sided;
+    let (instance, t) = world.locate(hit.triangle);
+    let surface = scene.surface(world.mesh(instance), t, hit.bary, 0.0);
+    let radiance = surface.reflectance * seen_irradiance(baked, &hit) / PI + surface.emission;
+    Some(Sight { distance: hit.t, front, radiance })
+}
+
+/// Bilinear irradiance of the lightmap, or of the patch where the map does not hold all light.
+fn seen_irradiance(baked: &Baked, hit: &Hit) -> Vec3 {
+    let charted = &baked.coverage.charted[hit.triangle as usize];
+    let Some(page) = baked.atlas.pages.get(charted.page as usize) else { return Vec3::ZERO };
+    let at = charted.at(hit.bary);
+    if !page.hidden && baked.lightmaps.content == Content::Full {
+        return baked.lightmaps.pages[charted.page as usize].bilinear(at);
+    }
+    let texel = baked.coverage.texel_near(charted, at);
+    texel.map_or(Vec3::ZERO, |t| baked.irradiance[t as usize])
 }
 
 #[cfg(test)]

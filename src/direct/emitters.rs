@@ -1,8 +1,8 @@
 //! Emitting triangles: Lambert's closed form for the few that matter, importance sampling for the many far ones.
 //!
-//! A binary tree over the emitters gives each texel a cut of at most [`CUT`] nodes (after Walter et al., "Lightcuts",
-//! 2005). A leaf is worth its exact unshadowed irradiance times the sampled share that arrives; an inner node is sampled
-//! by power.
+//! A binary tree over the emitters gives each texel a cut (after Walter et al., "Lightcuts", 2005): triangles that are
+//! near, groups further away. A few triangles are worth their exact unshadowed irradiance times the sampled share that
+//! arrives; a longer cut is sampled by what each part may send at most.
 
 use crate::{
     math::luminance,
@@ -11,8 +11,8 @@ use crate::{
 };
 use glam::{Vec2, Vec3};
 
-/// Largest number of nodes in a texel's cut.
-const CUT: usize = 24;
+/// Largest cut whose parts are each worth their closed form.
+const EXACT: usize = 16;
 /// An inner node is opened while its radius exceeds this share of its distance.
 const OPEN: f32 = 0.25;
 /// Points at which a textured emitter is averaged.
@@ -52,7 +52,7 @@ struct Node {
 #[derive(Clone, Copy)]
 pub(super) struct Stratum {
     node: u32,
-    /// Estimate of its contribution, for sharing out samples.
+    /// What it may send at most, for sharing out samples.
     pub weight: f32,
 }
 
@@ -94,47 +94,50 @@ impl Emitters {
         self.triangles.len()
     }
 
-    /// The nodes that light a texel of radius `reach` around `p`.
+    /// The nodes that light a texel of radius `reach` around `p`: leaves where they are near, inner nodes further away.
     pub fn cut(&self, p: &SurfacePoint, reach: f32, cut: &mut Vec<Stratum>) {
         cut.clear();
-        self.add(0, p, reach, cut);
-        while cut.len() < CUT {
-            let open = |s: &Stratum| {
-                let n = &self.nodes[s.node as usize];
-                n.second != 0 && n.radius > OPEN * (n.center - p.position).length()
-            };
-            // With few emitters in all, every one is its own stratum.
-            let few = self.triangles.len() <= CUT;
-            let next = (0..cut.len())
-                .filter(|&k| if few { self.nodes[cut[k].node as usize].second != 0 } else { open(&cut[k]) })
-                .max_by(|&a, &b| cut[a].weight.total_cmp(&cut[b].weight));
-            let Some(k) = next else { break };
-            let node = cut.swap_remove(k).node;
-            self.add(node + 1, p, reach, cut);
-            self.add(self.nodes[node as usize].second, p, reach, cut);
+        if !self.nodes.is_empty() {
+            self.descend(0, p, reach, cut);
         }
     }
 
-    fn add(&self, node: u32, p: &SurfacePoint, reach: f32, cut: &mut Vec<Stratum>) {
-        let Some(n) = self.nodes.get(node as usize) else { return };
+    fn descend(&self, node: u32, p: &SurfacePoint, reach: f32, cut: &mut Vec<Stratum>) {
+        let n = &self.nodes[node as usize];
         let v = n.center - p.position;
-        let above = v.dot(p.face) + n.radius + reach;
-        let leaf = &self.triangles[n.begin as usize];
-        let behind = n.second == 0 && !leaf.two_sided && (p.position - leaf.corners[0]).dot(leaf.normal) < -reach;
-        if above > 0.0 && !behind {
-            let power = self.cumulative[n.end as usize] - self.cumulative[n.begin as usize];
-            let weight = power / v.length_squared().max(n.radius * n.radius).max(1e-12);
-            cut.push(Stratum { node, weight });
+        let distance = v.length().max(n.radius).max(1e-12);
+        // What a point of the texel may see of a point of the node, at most.
+        let slack = (n.radius + reach) / distance;
+        let cos = v.dot(p.face).max(v.dot(p.normal)) / distance + slack;
+        if cos <= 0.0 {
+            return;
+        }
+        let few = self.triangles.len() <= EXACT;
+        if n.second != 0 && (few || n.radius > OPEN * distance) {
+            self.descend(node + 1, p, reach, cut);
+            self.descend(n.second, p, reach, cut);
+            return;
+        }
+        let mut power = self.cumulative[n.end as usize] - self.cumulative[n.begin as usize];
+        if n.second == 0 {
+            let leaf = &self.triangles[n.begin as usize];
+            let cos = -v.dot(leaf.normal) / distance;
+            power *= if leaf.two_sided { cos.abs() + slack } else { cos + slack }.clamp(0.0, 1.0);
+        }
+        if power > 0.0 {
+            cut.push(Stratum { node, weight: power * cos.min(1.0) / (distance * distance) });
         }
     }
 
-    /// Mean unshadowed irradiance of a leaf in closed form at `p`; `None` for an inner node.
-    pub fn exact(&self, s: &Stratum, p: &SurfacePoint) -> Option<Vec3> {
-        let n = &self.nodes[s.node as usize];
-        (n.second == 0).then(|| {
-            let e = &self.triangles[n.begin as usize];
-            e.radiance * (e.projected_solid_angle(p) / p.kept())
-        })
+    /// Unshadowed irradiance of a leaf in closed form at `p`.
+    pub fn exact(&self, s: &Stratum, p: &SurfacePoint) -> Vec3 {
+        let e = &self.triangles[self.nodes[s.node as usize].begin as usize];
+        e.radiance * (e.projected_solid_angle(p) / p.kept())
+    }
+
+    /// True if each stratum of the cut is worth its closed form.
+    pub fn is_exact(&self, cut: &[Stratum]) -> bool {
+        cut.len() <= EXACT && cut.iter().all(|s| self.nodes[s.node as usize].second == 0)
     }
 
     /// A point of the stratum, seen from `p`; `None` if it sends nothing there.
@@ -323,7 +326,12 @@ mod tests {
         let n = Vec3::new(libm::sinf(tilt), 0.0, libm::cosf(tilt));
         let p = point(Vec3::Z, n);
         let big = 1e5;
-        let quad = [Vec3::new(-big, -big, 1.0), Vec3::new(big, -big, 1.0), Vec3::new(big, big, 1.0), Vec3::new(-big, big, 1.0)];
+        let quad = [
+            Vec3::new(-big, -big, 1.0),
+            Vec3::new(big, -big, 1.0),
+            Vec3::new(big, big, 1.0),
+            Vec3::new(-big, big, 1.0),
+        ];
         let mut sum = 0.0;
         for t in [[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]] {
             let mut c = Corners::new(t);

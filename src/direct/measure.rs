@@ -8,7 +8,7 @@ use super::{
 use crate::{
     atlas::Coverage,
     error::Result,
-    math::{Point, PointTable, luminance},
+    math::{Point, PointTable, hash, luminance, unit_float},
     patches::{Footprint, Patches, SurfacePoint},
     progress::{Observer, check},
     scene::Bake,
@@ -21,6 +21,8 @@ use rayon::prelude::*;
 const CHUNK: usize = 256;
 /// Points at which a closed form is averaged over the texel.
 const EXACT_POINTS: usize = 4;
+/// Relative standard error of a sampled cut that calls for more rays.
+const NOISE: f32 = 0.01;
 /// Difference of arriving shares between neighbours that calls for more rays.
 const STEP: f32 = 0.02;
 
@@ -126,6 +128,9 @@ impl Task<'_> {
             let p = footprint.point(u);
             if back { p.reversed() } else { p }
         };
+        // Shifts of their own keep the table's period out of the picture.
+        let key = hash(patch as u32, points.len() as u32);
+        let shift = Vec2::new(unit_float(key), unit_float(hash(key, 1)));
         let mut r = Received::default();
         let (mut sent, mut arrived) = (0.0, 0.0);
         let mut book = |tally: Tally, r: &mut Received| {
@@ -135,28 +140,34 @@ impl Task<'_> {
             r.rays += tally.rays;
         };
         for light in self.sources.scene.lights.iter().filter(|l| l.bake != Bake::None) {
-            let tally = self.punctual(points, &on_surface, |p, u| punctual::aim(light, p, u));
+            let tally = self.punctual(points, &on_surface, |p, u| punctual::aim(light, p, wrapped(u + shift)));
             *(if light.bake == Bake::Full { &mut r.lights } else { &mut r.hidden }) += tally.arrived;
             book(tally, &mut r);
         }
         if let Some(peaks) = &self.sources.peaks {
-            let tally = self.punctual(points, &on_surface, |p, u| peaks.aim(p, u));
+            let tally = self.punctual(points, &on_surface, |p, u| peaks.aim(p, wrapped(u + shift)));
             r.sky_peaks += tally.arrived;
             book(tally, &mut r);
         }
         let middle = on_surface(Vec2::splat(0.5));
         self.sources.emitters.cut(&middle, footprint.area().sqrt(), cut);
-        let total: f32 = cut.iter().map(|s| s.weight).sum();
-        let mut next = 0;
-        for stratum in cut.iter() {
-            let wish = (points.len() as f32 * stratum.weight / total).round() as usize;
-            let n = wish.clamp(1, points.len());
-            let begin = next % points.len();
-            let samples = points[begin..].iter().chain(&points[..begin]).take(n);
-            let tally = self.emitter(stratum, samples, &on_surface);
-            next += n;
+        if self.sources.emitters.is_exact(cut) {
+            let total: f32 = cut.iter().map(|s| s.weight).sum();
+            let mut next = 0;
+            for stratum in cut.iter() {
+                let wish = (points.len() as f32 * stratum.weight / total).round() as usize;
+                let n = wish.clamp(1, points.len());
+                let samples = (next..next + n).map(|k| &points[k % points.len()]);
+                let tally = self.exact(stratum, samples, &on_surface, shift);
+                next += n;
+                r.emitters += tally.arrived;
+                book(tally, &mut r);
+            }
+        } else {
+            let (tally, noise) = self.pooled(cut, points, &on_surface, shift);
+            r.mixed |= noise > NOISE * luminance(tally.arrived);
             r.emitters += tally.arrived;
-            book(tally, &mut r);
+            book(Tally { hits: tally.rays, ..tally }, &mut r);
         }
         r.share = if sent > 0.0 { arrived / sent } else { 0.0 };
         let open = 1.0 / self.patches.validity[patch];
@@ -184,42 +195,84 @@ impl Task<'_> {
         tally.scaled(1.0 / points.len() as f32)
     }
 
-    /// A leaf: its closed form times the share that arrives. An inner node: the mean of its samples.
-    fn emitter<'p>(
+    /// A leaf's closed form times the share that arrives.
+    fn exact<'p>(
         &self,
         stratum: &Stratum,
         samples: impl Iterator<Item = &'p Point>,
         on_surface: &impl Fn(Vec2) -> SurfacePoint,
+        shift: Vec2,
     ) -> Tally {
-        let emitters = &self.sources.emitters;
         let mut tally = Tally::default();
-        let (mut n, mut exact, mut exact_points) = (0, Vec3::ZERO, 0);
+        let (mut exact, mut n) = (Vec3::ZERO, 0);
         for point in samples {
-            n += 1;
             let p = on_surface(point.place);
-            if exact_points < EXACT_POINTS
-                && let Some(e) = emitters.exact(stratum, &p)
-            {
-                exact += e;
-                exact_points += 1;
+            if n < EXACT_POINTS {
+                exact += self.sources.emitters.exact(stratum, &p);
+                n += 1;
             }
-            let sample = emitters.sample(self.sources.scene, stratum, &p, point.extra, self.tracer.offset());
-            if let Some(Sample { direction, distance, irradiance, mean }) = sample {
-                let through = self.through(&p, direction, distance * (1.0 - 1e-5));
-                tally.add(mean, irradiance, through);
-            }
+            self.to_emitter(stratum, &p, wrapped(point.extra + shift), 1.0, &mut tally);
         }
-        if exact_points == 0 {
-            return tally.scaled(1.0 / n as f32);
-        }
-        let exact = exact / exact_points as f32;
+        let exact = exact / n.max(1) as f32;
         let share = Vec3::select(tally.sent.cmpgt(Vec3::ZERO), tally.arrived / tally.sent, Vec3::ZERO);
         Tally { sent: exact, arrived: exact * share, ..tally }
+    }
+
+    /// The mean of samples over the whole cut, and its standard error (luminance).
+    fn pooled(
+        &self,
+        cut: &mut [Stratum],
+        points: &[Point],
+        on_surface: &impl Fn(Vec2) -> SurfacePoint,
+        shift: Vec2,
+    ) -> (Tally, f32) {
+        let mut tally = Tally::default();
+        let mut total = 0.0;
+        let cumulative: Vec<f32> = cut
+            .iter()
+            .map(|s| {
+                total += s.weight;
+                total
+            })
+            .collect();
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for point in points {
+            let p = on_surface(point.place);
+            let u = wrapped(point.extra + shift);
+            let at = u.x * total;
+            let k = cumulative.partition_point(|&c| c <= at).min(cut.len() - 1);
+            let stratum = &cut[k];
+            let inside = 1.0 - (cumulative[k] - at) / stratum.weight;
+            let before = luminance(tally.arrived);
+            let u = Vec2::new(inside.clamp(0.0, 1.0), u.y);
+            self.to_emitter(stratum, &p, u, total / stratum.weight, &mut tally);
+            let x = luminance(tally.arrived) - before;
+            sum += x;
+            squares += x * x;
+        }
+        let n = points.len() as f32;
+        let variance = (squares / n - (sum / n) * (sum / n)).max(0.0);
+        (tally.scaled(1.0 / n), (variance / n).sqrt())
+    }
+
+    /// One shadow ray to a point of the stratum, worth `weight`.
+    fn to_emitter(&self, stratum: &Stratum, p: &SurfacePoint, u: Vec2, weight: f32, tally: &mut Tally) {
+        let offset = self.tracer.offset();
+        let sample = self.sources.emitters.sample(self.sources.scene, stratum, p, u, offset);
+        if let Some(Sample { direction, distance, irradiance, mean }) = sample {
+            let through = self.through(p, direction, distance * (1.0 - 1e-5));
+            tally.add(mean * weight, irradiance * weight, through);
+        }
     }
 
     fn through(&self, p: &SurfacePoint, direction: Vec3, distance: f32) -> Vec3 {
         self.tracer.transmittance(p.position + p.face * self.tracer.offset(), direction, distance)
     }
+}
+
+/// Each coordinate's fraction.
+fn wrapped(u: Vec2) -> Vec2 {
+    u - u.floor()
 }
 
 impl Tally {

@@ -12,14 +12,7 @@ mod sky;
 
 pub use sky::sky_cells;
 
-use crate::{
-    atlas::Coverage,
-    error::Result,
-    patches::Patches,
-    progress::Observer,
-    scene::Scene,
-    trace::Tracer,
-};
+use crate::{atlas::Coverage, error::Result, patches::Patches, progress::Observer, scene::Scene, trace::Tracer};
 use glam::Vec3;
 
 /// Direct irradiance E of the open part of every patch, W/m^2, one map a light group.

@@ -26,9 +26,11 @@ pub(super) fn aim(light: &Light, p: &SurfacePoint, u: Vec2) -> Option<Aim> {
         LightKind::Directional { angle } => {
             let center = -light.direction;
             let direction = if angle > 0.0 { in_disc(center, angle, u) } else { center };
-            return lit(p, center, light.intensity)
-                .filter(|_| direction.dot(p.face) > 0.0)
-                .map(|irradiance| Aim { direction, distance: f32::INFINITY, irradiance });
+            return lit(p, center, light.intensity).filter(|_| direction.dot(p.face) > 0.0).map(|irradiance| Aim {
+                direction,
+                distance: f32::INFINITY,
+                irradiance,
+            });
         }
         LightKind::Point { radius } => {
             let (l, d) = towards(light.position, p.position)?;

@@ -1,5 +1,4 @@
 //! The two doors: [`read()`] gives a [`Document`] and a [`crate::scene::Scene`], [`write()`] binds lightmaps to the document.
-//! The two doors: [`read`] gives a [`Document`] and a [`crate::scene::Scene`], [`write`] binds lightmaps to the document.
 
 mod document;
 mod read;

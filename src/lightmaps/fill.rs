@@ -11,11 +11,8 @@ pub(super) fn gutters(map: &mut Map, empty: &[bool]) {
     let mut filled: Vec<bool> = empty.iter().map(|e| !e).collect();
     let mut front: Vec<usize> = (0..filled.len()).filter(|&i| filled[i]).collect();
     for _ in 0..PADDING {
-        let mut reached: Vec<usize> = front
-            .iter()
-            .flat_map(|&i| around(i, w, h).map(|(n, _)| n))
-            .filter(|&n| !filled[n])
-            .collect();
+        let mut reached: Vec<usize> =
+            front.iter().flat_map(|&i| around(i, w, h).map(|(n, _)| n)).filter(|&n| !filled[n]).collect();
         reached.sort_unstable();
         reached.dedup();
         let values: Vec<Vec3> = reached.iter().map(|&i| mean(map, &filled, i, w, h)).collect();

@@ -21,11 +21,13 @@ pub fn jump_across_seams(world: &World, atlas: &Atlas, coverage: &Coverage, maps
     jumps.sort_by(|a, b| a.0.total_cmp(&b.0));
     let total: f32 = jumps.iter().map(|j| j.1).sum();
     let mut sum = 0.0;
-    jumps.iter().find(|j| {
-        sum += j.1;
-        sum >= 0.95 * total
-    })
-    .map(|j| f64::from(j.0))
+    jumps
+        .iter()
+        .find(|j| {
+            sum += j.1;
+            sum >= 0.95 * total
+        })
+        .map(|j| f64::from(j.0))
 }
 
 type Edge = [[u32; 3]; 2];
@@ -38,7 +40,14 @@ struct Side {
     length: f32,
 }
 
-fn seams_of(world: &World, atlas: &Atlas, coverage: &Coverage, maps: &Lightmaps, i: usize, jumps: &mut Vec<(f32, f32)>) {
+fn seams_of(
+    world: &World,
+    atlas: &Atlas,
+    coverage: &Coverage,
+    maps: &Lightmaps,
+    i: usize,
+    jumps: &mut Vec<(f32, f32)>,
+) {
     let Some(placement) = atlas.placements[i].filter(|p| !atlas.pages[p.page as usize].hidden) else { return };
     let mesh = world.mesh(i);
     let layout = &atlas.layouts[world.scene.instances[i].mesh as usize];

@@ -57,7 +57,8 @@ mod tests {
         let mut count = vec![0u32; CELLS as usize];
         for i in 0..n {
             for j in 0..n {
-                let (z, phi) = ((i as f32 + 0.5) / n as f32 * 2.0 - 1.0, (j as f32 + 0.5) / n as f32 * std::f32::consts::TAU);
+                let (z, phi) =
+                    ((i as f32 + 0.5) / n as f32 * 2.0 - 1.0, (j as f32 + 0.5) / n as f32 * std::f32::consts::TAU);
                 let s = (1.0 - z * z).sqrt();
                 count[cell_of(Vec3::new(s * libm::cosf(phi), s * libm::sinf(phi), z)) as usize] += 1;
             }

@@ -1,10 +1,6 @@
 //! [`Footprint`]: points spread evenly over the surface inside a texel.
 
-use crate::{
-    atlas::Coverage,
-    math::Polygon,
-    scene::World,
-};
+use crate::{atlas::Coverage, math::Polygon, scene::World};
 use glam::{DVec2, Vec2, Vec3};
 
 /// The surface inside one texel, cut into cells that are affine images of the unit square or its lower half.
@@ -115,7 +111,11 @@ impl<'w> Footprint<'w> {
         SurfacePoint {
             position: cell.position[0] + cell.position[1] * f.x + cell.position[2] * f.y,
             face: face.normal,
-            normal: if face.smooth { self.world.normal(face.instance, face.local, bary, face.normal) } else { face.normal },
+            normal: if face.smooth {
+                self.world.normal(face.instance, face.local, bary, face.normal)
+            } else {
+                face.normal
+            },
             triangle: face.triangle,
             bary,
         }

@@ -134,10 +134,7 @@ pub fn seen(world: &World, coverage: &Coverage, hit: &Hit) -> Seen {
     if charted.page == NO_PAGE || (!hit.front && !world.material(hit.triangle).double_sided) {
         return Seen::Dark;
     }
-    let [a, b, c] = charted.corners;
-    let at = a + (b - a) * hit.bary.x + (c - a) * hit.bary.y;
-    let t = coverage.texel_at(charted.page, at).or_else(|| coverage.texel_beside(charted.page, at, (a + b + c) / 3.0));
-    match t {
+    match coverage.texel_near(charted, charted.at(hit.bary)) {
         None => Seen::Lost,
         Some(t) if hit.front => Seen::Front(t),
         Some(t) => Seen::Back(t),

@@ -3,10 +3,6 @@
 pub mod exr;
 mod hdr;
 mod ldr;
-
-pub use ldr::{Ldr, decode, encode_png, write_png};
-pub use hdr::{Hdr, read_hdr};
-pub mod png;
 pub mod png;
 
 pub use hdr::{Hdr, read_hdr};

@@ -9,7 +9,7 @@ pub fn encode(size: UVec2, rgb: &[[u8; 3]]) -> Result<Vec<u8>, String> {
         return Err(format!("a picture of {} x {} texels cannot hold {} values", size.x, size.y, rgb.len()));
     }
     let mut bytes = Vec::new();
-    png::PngEncoder::new_with_quality(&mut bytes, png::CompressionType::Best, png::FilterType::Adaptive)
+    png::PngEncoder::new_with_quality(&mut bytes, png::CompressionType::Default, png::FilterType::Adaptive)
         .write_image(rgb.as_flattened(), size.x, size.y, ExtendedColorType::Rgb8)
         .map_err(|e| e.to_string())?;
     Ok(bytes)

@@ -1,25 +1,23 @@
 //! A view of any scene: of many candidates the one that sees most of its lit surface.
 //!
 //! Candidates stand around the scene, looking at its middle, and inside its closed places, in front of a wall, looking
-//! across. Each casts a coarse grid of rays; what counts is the number of distinct places they meet.
+//! across. Each casts a coarse grid of rays; what counts is the area of lit surface they meet.
 
 use super::{Cast, axes, half_extent, see};
 use crate::{math::luminance, scene::Camera};
-use glam::{IVec3, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
-use std::{collections::BTreeMap, f32::consts::TAU};
+use std::f32::consts::TAU;
 
 /// Rays of a candidate's grid.
 const GRID: (u32, u32) = (32, 18);
-/// Places along the scene's diagonal that count as distinct.
-const PLACES: f32 = 28.0;
 /// Vertical fields of view, radians: outside, and inside where one cannot step back.
 const OUTSIDE_FOV: f32 = 0.7;
 const INSIDE_FOV: f32 = 1.0;
 /// Worth of what is seen through a wall's back, against what is seen through an opening.
-const THROUGH: f32 = 0.5;
+const THROUGH: f32 = 0.3;
 /// Worth of a view from inside: it fills the picture anyway, but shows less of the shape.
-const INSIDE: f32 = 0.55;
+const INSIDE: f32 = 0.7;
 
 /// A camera at `eye` that looks `forward` (unit), upright.
 pub fn at(eye: Vec3, forward: Vec3, yfov: f32) -> Camera {
@@ -32,13 +30,13 @@ pub fn frame(cast: &Cast, low: Vec3, high: Vec3, aspect: f32) -> Camera {
     let diagonal = (high - low).length().max(1e-6);
     let mut candidates = outside(low, high, aspect);
     candidates.extend(inside(cast, low, high));
-    let seen: Vec<_> = candidates.par_iter().map(|(c, _)| places(cast, c, aspect, diagonal)).collect();
-    let mut lights: Vec<f32> = seen.iter().flat_map(|s| s.values().map(|v| v.0)).filter(|l| *l > 0.0).collect();
+    let seen: Vec<_> = candidates.par_iter().map(|(c, _)| views(cast, c, aspect, diagonal)).collect();
+    let mut lights: Vec<f32> = seen.iter().flat_map(|s| s.iter().map(|v| v.0)).filter(|l| *l > 0.0).collect();
     lights.sort_unstable_by(f32::total_cmp);
     let typical = lights.get(lights.len() / 2).copied().unwrap_or(1.0);
-    // Brightness counts, but little: a lit place is worth about one, a black one a tenth.
+    // Brightness counts, but little: a lit surface is worth about one, a black one a tenth.
     let worth = |&(light, weight): &(f32, f32)| weight * (0.1 + 0.9 * light / (light + 0.2 * typical));
-    let score = |i: usize| seen[i].values().map(worth).sum::<f32>() * candidates[i].1;
+    let score = |i: usize| seen[i].iter().map(worth).sum::<f32>() * candidates[i].1;
     let best = (0..candidates.len()).max_by(|&a, &b| score(a).total_cmp(&score(b)).then(b.cmp(&a)));
     best.map(|i| candidates[i].0.clone()).unwrap_or_else(|| at(high, Vec3::NEG_Z, OUTSIDE_FOV))
 }
@@ -96,28 +94,32 @@ fn enclosed(cast: &Cast, point: Vec3) -> bool {
     fronts.count() * 10 >= rays * 9
 }
 
-/// Distinct places that a camera sees: the light there, and its worth as far as the view is concerned.
-fn places(cast: &Cast, camera: &Camera, aspect: f32, diagonal: f32) -> BTreeMap<[i32; 3], (f32, f32)> {
+/// What each ray of a camera's grid sees: the light there, and the area it stands for times its worth.
+fn views(cast: &Cast, camera: &Camera, aspect: f32, diagonal: f32) -> Vec<(f32, f32)> {
     let (tan_x, tan_y) = half_extent(camera.yfov, aspect);
     let (right, up) = axes(camera.forward, camera.up);
-    let mut places = BTreeMap::new();
-    for k in 0..GRID.0 * GRID.1 {
-        let x = ((k % GRID.0) as f32 + 0.5) / GRID.0 as f32 * 2.0 - 1.0;
-        let y = ((k / GRID.0) as f32 + 0.5) / GRID.1 as f32 * 2.0 - 1.0;
+    let (width, height) = (GRID.0 as usize, GRID.1 as usize);
+    let hit = |k: usize| {
+        let x = ((k % width) as f32 + 0.5) / width as f32 * 2.0 - 1.0;
+        let y = ((k / width) as f32 + 0.5) / height as f32 * 2.0 - 1.0;
         let direction = (camera.forward + right * (x * tan_x) - up * (y * tan_y)).normalize();
-        let Some((sight, through)) = see(cast, camera.eye, direction) else { continue };
-        if sight.distance < 0.01 * diagonal {
-            continue;
-        }
-        let at = (camera.eye + direction * sight.distance) * (PLACES / diagonal);
-        let worth = if through { THROUGH } else { 1.0 };
-        places.entry(to_cell(at)).or_insert((luminance(sight.radiance), worth));
-    }
-    places
-}
-
-fn to_cell(p: Vec3) -> [i32; 3] {
-    IVec3::new(p.x.floor() as i32, p.y.floor() as i32, p.z.floor() as i32).to_array()
+        let (sight, through) = see(cast, camera.eye, direction)?;
+        let near = sight.distance < 0.01 * diagonal;
+        (!near).then_some((camera.eye + direction * sight.distance, sight, through))
+    };
+    let hits: Vec<_> = (0..width * height).map(hit).collect();
+    let cell = 4.0 * tan_x * tan_y / (width * height) as f32;
+    let view = |k: usize| {
+        let (at, sight, through) = hits[k]?;
+        let beside = hits.get(k + 1).copied().flatten().filter(|_| k % width + 1 < width);
+        let below = hits.get(k + width).copied().flatten();
+        // Squarely seen; a slanted surface shows more, which its neighbours tell, but an edge must not tell too much.
+        let square = sight.distance * sight.distance * cell;
+        let slanted = beside.zip(below).map_or(square, |(b, c)| (b.0 - at).cross(c.0 - at).length());
+        let area = slanted.min(6.0 * square).min(0.01 * diagonal * diagonal);
+        Some((luminance(sight.radiance), area * if through { THROUGH } else { 1.0 }))
+    };
+    (0..hits.len()).filter_map(view).collect()
 }
 
 /// Unit vector by azimuth from +Z towards +X and elevation, radians.

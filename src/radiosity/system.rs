@@ -45,9 +45,9 @@ impl<'t> System<'t> {
             .zip(&self.source)
             .zip(&self.reflectance)
             .for_each(|((b, source), reflectance)| *b = *source + *reflectance * *b);
-        self.transport.rows.map_into(out, |row| {
-            row.columns.iter().map(|&c| radiosity[c as usize]).sum::<Vec4>() * row.weight
-        });
+        self.transport
+            .rows
+            .map_into(out, |row| row.columns.iter().map(|&c| radiosity[c as usize]).sum::<Vec4>() * row.weight);
         self.transport.rows.entries()
     }
 

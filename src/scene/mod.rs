@@ -17,11 +17,13 @@ pub use texture::{Texture, TextureRef, Wrap};
 pub use world::World;
 
 use glam::{DAffine3, DVec3, Vec2, Vec3, Vec4};
-use std::ops::Range;
+use std::{ops::Range, path::PathBuf};
 
 /// A static scene. Build one by hand or with [`crate::gltf::read`]; the rest of luxel never changes it.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
+    /// Where it came from, for messages.
+    pub file: PathBuf,
     /// World position (metres) of this scene's (0, 0, 0).
     pub origin: DVec3,
     /// Meshes in their own space.

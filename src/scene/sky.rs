@@ -74,3 +74,38 @@ impl SkyMap {
         Vec3::new(sin * libm::sinf(azimuth), libm::cosf(polar), -sin * libm::cosf(azimuth))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f32::consts::FRAC_PI_2;
+
+    fn map(rotation: f32) -> SkyMap {
+        SkyMap { width: 64, height: 32, radiance: vec![Vec3::ONE; 64 * 32], rotation }
+    }
+
+    #[test]
+    fn the_centre_looks_to_minus_z_and_plus_x_is_right_of_it() {
+        let uv = |d: Vec3| map(0.0).uv(d);
+        assert!(uv(Vec3::NEG_Z).abs_diff_eq(Vec2::new(0.5, 0.5), 1e-6));
+        assert!(uv(Vec3::X).abs_diff_eq(Vec2::new(0.75, 0.5), 1e-6));
+        assert!(uv(Vec3::NEG_X).abs_diff_eq(Vec2::new(0.25, 0.5), 1e-6));
+        assert!(uv(Vec3::Y).y.abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_quarter_turn_about_y_moves_the_centre_to_minus_x() {
+        assert!(map(FRAC_PI_2).uv(Vec3::NEG_X).abs_diff_eq(Vec2::new(0.5, 0.5), 1e-6));
+    }
+
+    #[test]
+    fn direction_is_the_inverse_of_uv() {
+        for rotation in [0.0, 1.0, -2.5] {
+            for i in 0..100 {
+                let uv = Vec2::new((i as f32 * 0.618) % 1.0, (i as f32 + 0.5) / 100.0);
+                let map = map(rotation);
+                assert!(map.uv(map.direction(uv)).abs_diff_eq(uv, 1e-4), "{uv}");
+            }
+        }
+    }
+}

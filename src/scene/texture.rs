@@ -60,6 +60,8 @@ impl Texture {
         }
         let l = &self.levels[level];
         let p = uv * l.size.as_vec2();
+        // Coordinates that overflow (damaged, or scaled without bound) read the corner instead of spreading NaN.
+        let p = if p.is_finite() { p } else { Vec2::ZERO };
         if self.nearest && level == 0 {
             return self.fetch(l, p.x.floor(), p.y.floor());
         }
@@ -80,21 +82,34 @@ impl Texture {
         Vec4::new(of(c[0]), of(c[1]), of(c[2]), f32::from(c[3]) / 255.0)
     }
 
+    /// The next level: each texel is the mean of the area it covers, so the picture's mean is kept at odd sizes too.
     fn halved(&self) -> Level {
         let from = self.levels.last().expect("a texture has a level");
         let size = (from.size / 2).max(UVec2::ONE);
         let at = |x: u32, y: u32| {
-            let sum = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| {
-                let (x, y) = ((2 * x + i).min(from.size.x - 1), (2 * y + j).min(from.size.y - 1));
-                self.linear(from.rgba[(y * from.size.x + x) as usize])
-            });
-            let mean = (sum[0] + sum[1] + sum[2] + sum[3]) * 0.25;
+            let mut mean = Vec4::ZERO;
+            for (j, wy) in taps(y, from.size.y, size.y) {
+                for (i, wx) in taps(x, from.size.x, size.x) {
+                    mean += self.linear(from.rgba[(j * from.size.x + i) as usize]) * (wx * wy);
+                }
+            }
             let of = |c: f32| if self.srgb { crate::math::linear_to_srgb(c) } else { c };
             [of(mean.x), of(mean.y), of(mean.z), mean.w].map(|c| (c * 255.0 + 0.5) as u8)
         };
         let rgba = (0..size.y).flat_map(|y| (0..size.x).map(move |x| at(x, y))).collect();
         Level { size, rgba }
     }
+}
+
+/// Texels of a row of `n` that texel `x` of a row of `m` covers, with their shares of it. The shares sum to 1.
+fn taps(x: u32, n: u32, m: u32) -> impl Iterator<Item = (u32, f32)> {
+    let (start, end) = (u64::from(x) * u64::from(n), u64::from(x + 1) * u64::from(n));
+    // In units of 1/m texel: texel i spans [i m, (i + 1) m).
+    let m = u64::from(m);
+    (start / m..end.div_ceil(m)).map(move |i| {
+        let share = end.min((i + 1) * m) - start.max(i * m);
+        (i as u32, share as f32 / n as f32)
+    })
 }
 
 fn wrapped(i: f32, n: u32, wrap: Wrap) -> u32 {
@@ -108,4 +123,56 @@ fn wrapped(i: f32, n: u32, wrap: Wrap) -> u32 {
         }
     };
     j as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grey(size: UVec2, values: &[u8], wrap: Wrap, nearest: bool) -> Texture {
+        let rgba = values.iter().map(|v| [*v, *v, *v, 255]).collect();
+        Texture::new(size, rgba, false, [wrap; 2], nearest)
+    }
+
+    #[test]
+    fn centres_of_texels_read_their_value() {
+        let t = grey(UVec2::new(2, 2), &[0, 50, 100, 255], Wrap::Repeat, false);
+        for (uv, v) in [([0.25, 0.25], 0), ([0.75, 0.25], 50), ([0.25, 0.75], 100), ([0.75, 0.75], 255)] {
+            assert!((t.sample(Vec2::from_array(uv), 0.0).x - v as f32 / 255.0).abs() < 1e-6, "{uv:?}");
+        }
+        assert!((t.sample(Vec2::new(0.5, 0.25), 0.0).x - 25.0 / 255.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn wrap_modes_differ_outside() {
+        let at =
+            |wrap, u| (grey(UVec2::new(2, 1), &[0, 255], wrap, true).sample(Vec2::new(u, 0.5), 0.0).x * 255.0) as u8;
+        assert_eq!([at(Wrap::Repeat, 1.25), at(Wrap::Mirror, 1.25), at(Wrap::Clamp, 1.25)], [0, 255, 255]);
+        assert_eq!([at(Wrap::Repeat, -0.25), at(Wrap::Mirror, -0.25), at(Wrap::Clamp, -0.25)], [255, 0, 0]);
+    }
+
+    #[test]
+    fn coarse_levels_keep_the_mean_at_odd_sizes() {
+        for (w, h) in [(3, 1), (5, 5), (7, 2), (6, 9)] {
+            let values: Vec<u8> = (0..w * h).map(|i| if i % w == w - 1 { 250 } else { 10 }).collect();
+            let mean = values.iter().map(|v| f32::from(*v)).sum::<f32>() / values.len() as f32;
+            let got = grey(UVec2::new(w, h), &values, Wrap::Repeat, false).sample(Vec2::splat(0.5), 100.0).x * 255.0;
+            assert!((got - mean).abs() < 2.0, "{w} x {h}: {got} instead of {mean}");
+        }
+    }
+
+    #[test]
+    fn srgb_is_averaged_linearly_and_alpha_never_decoded() {
+        let t = Texture::new(UVec2::new(2, 1), vec![[0, 0, 0, 0], [255; 4]], true, [Wrap::Clamp; 2], false);
+        let mean = t.sample(Vec2::splat(0.5), 10.0);
+        assert!((mean.x - 0.5).abs() < 0.01 && (mean.w - 0.5).abs() < 0.01, "{mean}");
+    }
+
+    #[test]
+    fn absurd_coordinates_read_something_finite() {
+        let t = grey(UVec2::new(2, 2), &[0, 50, 100, 255], Wrap::Mirror, false);
+        for u in [f32::NAN, f32::INFINITY, -1e38, 3.4e38] {
+            assert!(t.sample(Vec2::new(u, 0.5), 0.0).is_finite(), "{u}");
+        }
+    }
 }

@@ -79,8 +79,7 @@ impl<'s> World<'s> {
     /// Corners of triangle `t` of `instance`, in the mesh's order.
     pub fn corners(&self, instance: usize, t: u32) -> [Vec3; 3] {
         let (mesh, f) = (self.mesh(instance), &self.frames[instance]);
-        mesh.triangles[t as usize]
-            .map(|v| (f.linear * mesh.positions[v as usize].as_dvec3() + f.translation).as_vec3())
+        mesh.triangles[t as usize].map(|v| (f.linear * mesh.positions[v as usize].as_dvec3() + f.translation).as_vec3())
     }
 
     /// Twice the area times the unit normal of the front, from `corners`.

@@ -10,14 +10,7 @@ mod rows;
 
 pub use rows::{Row, Rows};
 
-use crate::{
-    atlas::Coverage,
-    error::Result,
-    math::CELLS,
-    patches::Patches,
-    progress::Observer,
-    trace::Tracer,
-};
+use crate::{atlas::Coverage, error::Result, math::CELLS, patches::Patches, progress::Observer, trace::Tracer};
 use glam::Vec4;
 use rayon::prelude::*;
 

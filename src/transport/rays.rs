@@ -25,8 +25,8 @@ pub(super) struct Measured {
 }
 
 /// Entries before all backs are known: a texel's front, its back, or a cell of the sky.
-const BACK: u32 = 1 << 31;
-const SKY: u32 = 1 << 30;
+const BACK: u32 = 1 << 30;
+const SKY: u32 = 1 << 31;
 
 /// Blocks of points that a partly buried texel may use up to reach its number of rays.
 const PASSES: usize = 4;
@@ -59,8 +59,7 @@ pub(super) fn measure(
     let mut stats = Stats::default();
     observer.begin("transport", texels as u64);
     while !wave.is_empty() {
-        let done: Vec<_> =
-            wave.par_chunks(BLOCK).map(|texels| shooter.block(texels, back, observer)).collect();
+        let done: Vec<_> = wave.par_chunks(BLOCK).map(|texels| shooter.block(texels, back, observer)).collect();
         check(observer)?;
         for (block, outcomes) in done {
             blocks.push(block);
@@ -253,11 +252,11 @@ fn renumber(blocks: &mut [Block], texels: u32, backs: &[u32], sky: u32) {
     }
     blocks.par_iter_mut().for_each(|block| {
         for c in block.columns_mut() {
-            if *c & BACK != 0 {
-                *c = column_of[(*c & !BACK) as usize];
-            } else if *c & SKY != 0 {
+            if *c & SKY != 0 {
                 debug_assert!(*c & !SKY < CELLS);
                 *c = sky + (*c & !SKY);
+            } else if *c & BACK != 0 {
+                *c = column_of[(*c & !BACK) as usize];
             }
         }
     });

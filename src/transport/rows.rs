@@ -25,7 +25,7 @@ pub struct Block {
 /// One row: every entry weighs the same.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<'a> {
-    /// Column of each entry, ascending; a column may repeat.
+    /// Column of each entry, patches before cells of the sky; a column may repeat.
     pub columns: &'a [u32],
     /// Weight of each entry.
     pub weight: f32,

@@ -102,9 +102,11 @@ fn a_cube_fills_its_page() {
     each(&scene, Density::Resolution(128), |atlas, warnings| {
         assert!(warnings.is_empty(), "{warnings:?}");
         assert_eq!((atlas.pages.len(), atlas.pages[0].size.to_array()), (1, [128, 128]));
-        assert!((6..=12).contains(&atlas.layouts[0].chart_count), "{}", atlas.layouts[0].chart_count);
+        // Flat ones, or faces unfolded.
+        assert!((2..=6).contains(&atlas.layouts[0].chart_count), "{}", atlas.layouts[0].chart_count);
         let used = density(&atlas, &scene, 0).powi(2) * 6.0 / 128.0 / 128.0;
-        assert!(used > 0.5, "{used}");
+        // Faces unfolded into strips leave corners empty.
+        assert!(used > 0.4, "{used}");
     });
 }
 
@@ -152,6 +154,8 @@ fn hidden_instances_are_coarse_and_on_hidden_pages() {
         assert!(near(density(&atlas, &scene, 0), 40.0));
         assert!(near(density(&atlas, &scene, 1), 5.0), "{}", density(&atlas, &scene, 1));
     });
+    scene.instances[0].texels_per_meter = Some(0.0);
+    each(&scene, Density::Resolution(256), |atlas, _| assert!(atlas.pages.len() == 1 && atlas.pages[0].hidden));
 }
 
 #[test]

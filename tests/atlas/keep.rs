@@ -84,15 +84,17 @@ fn what_cannot_be_a_lightmap_is_named() {
 
 #[test]
 fn slight_overlap_is_a_warning() {
+    // A triangle of area 3e-5 inside the square's uv.
     let mut m = square("a", [0.0, 0.0], [1.0, 1.0]);
     m.positions.extend_from_within(..3);
-    m.uvs[1].extend([[0.999, 0.0], [1.0, 0.0], [1.0, 0.001]].map(Vec2::from));
+    m.uvs[1].extend([[0.6, 0.2], [0.60775, 0.2], [0.6, 0.20775]].map(Vec2::from));
     m.triangles.push([4, 5, 6]);
     m.primitives[0].triangles = 0..3;
     m.primitives[0].vertices = 0..7;
-    m.uvs[1].iter_mut().take(4).for_each(|c| c.x *= 0.9995);
-    let (_, warnings) = keep(&scene(vec![m], &[(0, DVec3::ONE)]), Density::Resolution(64)).unwrap();
-    assert!(warnings.is_empty() || warnings[0].contains("overlaps"), "{warnings:?}");
+    let (_, warnings) = keep(&scene(vec![m.clone()], &[(0, DVec3::ONE)]), Density::Resolution(64)).unwrap();
+    assert!(warnings.len() == 1 && warnings[0].contains("0.0030 %"), "{warnings:?}");
+    m.uvs[1][5].x = 0.65;
+    assert!(refused(m).contains("triangles 0 and 2"));
 }
 
 #[test]

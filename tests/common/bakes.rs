@@ -33,7 +33,7 @@ pub struct Parts {
 
 /// Bakes a scene.
 pub fn parts(scene: &Scene, options: &Options) -> Parts {
-    let baked = bake(scene, options, Path::new("a test's scene"), &Silent).expect("the scene bakes");
+    let baked = bake(scene, options, &Silent).expect("the scene bakes");
     let Baked { atlas, coverage, patches, irradiance, lightmaps, report, .. } = baked;
     Parts { atlas, coverage, patches, irradiance, lightmaps, report }
 }

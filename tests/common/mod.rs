@@ -3,5 +3,6 @@
 
 pub mod bakes;
 pub mod exact;
+pub mod gltf;
 pub mod scenes;
 pub mod stage;

@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3};
 use luxel::{
     atlas::Atlas,
     lightmaps::{Lightmaps, Map},
-    scene::{Scene, Sky, triangle_starts},
+    scene::{Scene, Sky, World},
 };
 use std::{error::Error, fmt, fs, path::Path};
 
@@ -85,14 +85,14 @@ pub fn texels(maps: &Lightmaps, truth: &Truth) -> Vec<Option<DVec3>> {
 pub fn probe(scene: &Scene, atlas: &Atlas, maps: &Lightmaps, truth: &Truth) -> Vec<Option<DVec3>> {
     let side = truth.resolution * POINTS;
     let cells = rasterized(scene, side);
-    let starts = triangle_starts(scene);
+    let world = World::new(scene);
     let seen = |cell: usize| {
         let triangle = cells[cell];
         if triangle == EMPTY {
             return None;
         }
-        let instance = starts.partition_point(|s| *s <= triangle) - 1;
-        let (mesh, t) = (scene.instances[instance].mesh as usize, (triangle - starts[instance]) as usize);
+        let (instance, t) = world.locate(triangle);
+        let (mesh, t) = (scene.instances[instance].mesh as usize, t as usize);
         let placement = atlas.placements[instance]?;
         let layout = &atlas.layouts[mesh];
         let b = barycentrics(reference_uv(scene, mesh, t)?, center(cell, side))?;

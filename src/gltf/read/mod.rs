@@ -85,7 +85,8 @@ fn scene(source: &Source, options: &ReadOptions, warnings: &mut Warnings) -> Res
     let lights = lights::read(source, &placed, origin, options.light_scale, warnings)?;
     let cameras = cameras::read(source, &placed, origin)?;
     let (materials, textures) = materials.finish();
-    Ok(Scene { origin, meshes, instances, materials, textures, lights, sky: Sky::Black, cameras })
+    let file = source.file.into();
+    Ok(Scene { file, origin, meshes, instances, materials, textures, lights, sky: Sky::Black, cameras })
 }
 
 /// The nodes that cast and receive, and their meshes, each read once.

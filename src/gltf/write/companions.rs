@@ -4,10 +4,10 @@
 use super::{
     files::{Files, decode_uri, folder},
     store::Store,
-    vertices::object,
 };
-use crate::error::{Error, Result};
-use serde_json::{Value, json};
+use crate::error::Result;
+use base64::prelude::{BASE64_STANDARD as BASE64, Engine};
+use serde_json::{Map, Value};
 use std::path::Path;
 
 /// Brings along what the document names; `embed`: images become part of the file.
@@ -18,36 +18,44 @@ pub fn bring(store: &mut Store, files: &mut Files, embed: bool) -> Result<Vec<St
     let mut places = Vec::new();
     find(&store.json, &mut String::new(), &mut places);
     for place in places {
-        let Some(name) = store.json.pointer(&format!("{place}/uri")).and_then(|uri| decode_uri(uri.as_str()?)) else {
-            continue;
-        };
+        let Some(uri) = store.json.pointer(&format!("{place}/uri")).and_then(Value::as_str) else { continue };
         let image = embed && place.strip_prefix("/images/").is_some_and(|rest| !rest.contains('/'));
-        if !image && !moved {
+        if let Some(bytes) = inline(uri).filter(|_| image) {
+            adopt(store, &place, bytes);
             continue;
         }
+        let Some(name) = decode_uri(uri).filter(|_| image || moved) else { continue };
         let path = from.join(&name);
-        let bytes = match std::fs::read(&path) {
-            Ok(bytes) => bytes,
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-                notes.push(format!("{} does not exist: the output names it all the same", path.display()));
-                continue;
+        match std::fs::read(&path) {
+            Err(e) => notes.push(format!("{}: {e}; the output names it all the same", path.display())),
+            Ok(bytes) if image && mime(&bytes).is_some() => adopt(store, &place, bytes),
+            Ok(bytes) if moved => {
+                let uri = files.copy(&name, &bytes)?;
+                if let Some(old) = store.json.pointer_mut(&format!("{place}/uri")) {
+                    *old = uri.into();
+                }
             }
-            Err(e) => return Err(Error::reading(&path, e)),
-        };
-        let mime = mime(&bytes).filter(|_| image);
-        let data = match mime {
-            Some(mime) => json!({ "bufferView": store.add_view(bytes, Default::default()), "mimeType": mime }),
-            None if moved => json!({ "uri": files.copy(&name, &bytes)? }),
-            None => continue,
-        };
-        if let Some(owner) = store.json.pointer_mut(&place).and_then(Value::as_object_mut) {
-            if mime.is_some() {
-                owner.shift_remove("uri");
-            }
-            owner.extend(object(data));
+            Ok(_) => {}
         }
     }
     Ok(notes)
+}
+
+/// Makes a picture a part of the file, if its type is known.
+fn adopt(store: &mut Store, place: &str, bytes: Vec<u8>) {
+    let Some(mime) = mime(&bytes) else { return };
+    let view = store.add_view(bytes, Map::new());
+    if let Some(image) = store.json.pointer_mut(place).and_then(Value::as_object_mut) {
+        image.shift_remove("uri");
+        image.insert("bufferView".into(), view.into());
+        image.insert("mimeType".into(), mime.into());
+    }
+}
+
+/// The bytes of a base64 `data:` URI.
+fn inline(uri: &str) -> Option<Vec<u8>> {
+    let (head, data) = uri.strip_prefix("data:")?.split_once(',')?;
+    head.ends_with(";base64").then(|| BASE64.decode(data).ok())?
 }
 
 /// JSON pointers of all objects with a `uri`, buffers and extras aside.

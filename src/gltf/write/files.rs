@@ -80,7 +80,11 @@ impl Files {
     /// Writes the main file and gives all of them their names.
     pub fn finish(self, parts: &[&[u8]]) -> Result<()> {
         let main = temporary(&self.out, parts)?;
-        for (path, file) in self.written.into_iter().chain([(self.out, main)]) {
+        let all: Vec<_> = self.written.into_iter().chain([(self.out, main)]).collect();
+        if let Some((path, _)) = all.iter().find(|(path, _)| path.is_dir()) {
+            return Err(Error::writing(path, std::io::ErrorKind::IsADirectory.into()));
+        }
+        for (path, file) in all {
             file.persist(&path).map_err(|e| Error::writing(&path, e.error))?;
         }
         Ok(())

@@ -68,8 +68,16 @@ pub fn write_flat(
 struct Writer<'a> {
     scene: &'a Scene,
     store: Store<'a>,
-    /// Positions and indices (by sidedness) of a mesh; `None`: in its own space, else of that instance.
-    geometry: BTreeMap<(u32, Option<u32>), (usize, Vec<(bool, usize)>)>,
+    /// What is written already of a mesh; `None`: in its own space, else of that node.
+    geometry: BTreeMap<(u32, Option<u32>), Geometry>,
+}
+
+/// Accessors of a mesh.
+#[derive(Clone)]
+struct Geometry {
+    positions: usize,
+    /// Indices, by whether the triangles are double-sided.
+    sides: Vec<(bool, usize)>,
 }
 
 impl Writer<'_> {
@@ -79,7 +87,7 @@ impl Writer<'_> {
         // A node cannot shear: such an instance gets its own positions.
         let own = !orthogonal(&world);
         let key = (instance.mesh, own.then_some(instance.node));
-        let (positions, sides) = match self.geometry.get(&key) {
+        let Geometry { positions, sides } = match self.geometry.get(&key) {
             Some(found) => found.clone(),
             None => {
                 let made = self.geometry(mesh, layout, own.then_some(&world));
@@ -114,7 +122,7 @@ impl Writer<'_> {
         }
     }
 
-    fn geometry(&mut self, mesh: &Mesh, layout: &Layout, world: Option<&DAffine3>) -> (usize, Vec<(bool, usize)>) {
+    fn geometry(&mut self, mesh: &Mesh, layout: &Layout, world: Option<&DAffine3>) -> Geometry {
         let place = |&v: &u32| {
             let p = mesh.positions[v as usize];
             world.map_or(p, |w| w.transform_point3(p.as_dvec3()).as_vec3())
@@ -141,7 +149,7 @@ impl Writer<'_> {
                 sides.push((double_sided, self.array(bytes, ELEMENT_ARRAY_BUFFER, accessor)));
             }
         }
-        (positions, sides)
+        Geometry { positions, sides }
     }
 
     fn array(&mut self, bytes: Vec<u8>, target: u32, accessor: Value) -> usize {
