@@ -1,7 +1,7 @@
 //! [`Shot`]: a baked [`Stage`], read back chart by chart, with the noise that is in it.
 
 use super::stage::{Chart, Stage};
-use glam::{DVec3, UVec2, Vec2, Vec3};
+use glam::{DVec2, DVec3, UVec2, Vec2, Vec3};
 use luxel::{
     atlas::{self, Atlas, Coverage, Density, NO_TEXEL, Unwrap},
     bake::{Baked, Options, bake},
@@ -99,6 +99,17 @@ impl Shot {
         self.texels(chart).iter().map(at).map(|p| map.irradiance[(p.y * map.size.x + p.x) as usize]).collect()
     }
 
+    /// Patches of a chart with their place in it: the middle in [0, 1]^2 of the chart, exact for texels of any shape.
+    pub fn placed(&self, chart: Chart) -> Vec<(usize, DVec2)> {
+        let rows = self.rows(chart);
+        let size = self.sizes[chart].as_dvec2();
+        let at = |x: usize, y: usize| (DVec2::new(x as f64, y as f64) + 0.5) / size;
+        let row = |(y, row): (usize, &Vec<Option<usize>>)| {
+            row.iter().enumerate().filter_map(|(x, i)| Some(((*i)?, at(x, y)))).collect::<Vec<_>>()
+        };
+        rows.iter().enumerate().flat_map(row).collect()
+    }
+
     /// Page uv of the chart's corner and of the corner opposite.
     pub fn bounds(&self, chart: Chart) -> [Vec2; 2] {
         let edge = self.baked.atlas.pages[0].size.as_vec2();
@@ -126,13 +137,13 @@ impl Shot {
         places.map(|p| self.lookup(a + (b - a) * p / n)).collect()
     }
 
-    /// Area in m^2 of charts, and their area mean of irradiance.
+    /// Area in m^2 of charts, and their area mean of irradiance: a texel's E is that of its open part, the rest is dark.
     pub fn mean(&self, charts: &[Chart]) -> (f64, DVec3) {
         let (mut area, mut sum) = (0.0, DVec3::ZERO);
         for i in charts.iter().flat_map(|c| self.texels(*c)) {
             let a = f64::from(self.baked.patches.area[i]);
             area += a;
-            sum += self.baked.irradiance[i].as_dvec3() * a;
+            sum += self.baked.irradiance[i].as_dvec3() * a * f64::from(self.baked.patches.validity[i]);
         }
         (area, sum / area)
     }

@@ -37,11 +37,12 @@ pub fn furnace(case: &Case) -> Outcome {
 }
 
 /// Area mean over the texels of `charts` whose centres lie within `half` of `p`, and its standard error by spread.
+/// Neighbours share 16 blocks of sample points, which is all the independence that texels at one place can claim.
 fn around(shot: &Shot, charts: &[Chart], p: Vec3, half: f32, of: impl Fn(usize) -> f64) -> (f64, f64) {
     let near = |i: &usize| (shot.baked.patches.center[*i] - p).abs().max_element() <= half;
     let values: Vec<f64> = charts.iter().flat_map(|c| shot.texels(*c)).filter(near).map(of).collect();
     let (mean, sd) = spread(&values);
-    (mean, sd / libm::sqrt(values.len() as f64))
+    (mean, sd / libm::sqrt(values.len().min(16) as f64))
 }
 
 /// Cube of `side` with each face cut about its centre (`half`), in charts of `density`; all charts of each face.
@@ -101,7 +102,7 @@ pub fn point_light_in_cube(case: &Case) -> Outcome {
     let mut stage = Stage::new();
     let material = stage.material(rho as f32, 0.0);
     stage.light(LightKind::Point { radius: 0.0 }, Vec3::splat(2.0), Vec3::ZERO, candela as f32);
-    let faces = cut_cube(&mut stage, side, half, 6.0, |_| material);
+    let faces = cut_cube(&mut stage, side, half, 12.0, |_| material);
     let shot = shoot_with(stage, luxel::bake::Options { content: Content::Indirect, ..options(1024) });
     let all = faces.concat();
     let (area, total) = shot.mean(&all);
@@ -119,7 +120,7 @@ pub fn point_light_in_cube(case: &Case) -> Outcome {
         / area;
     let law = |p: DVec3| candela * 2.0 / libm::pow(p.length(), 3.0);
     let face = [dvec3(-2.0, -2.0, 2.0), DVec3::X * 4.0, DVec3::Y * 4.0];
-    let midpoint = (exact::mean_over(face, 24, law) - 10_000.0 / 96.0).abs() / (1.0 - rho);
+    let midpoint = (exact::mean_over(face, 48, law) - 10_000.0 / 96.0).abs() / (1.0 - rho);
     let sigma = error_of_mean(&shot, &all, rho);
     let tolerance = |key: &str| case.tolerance(key, 0.0);
     let check = |key: &str, tolerance: f64, got: f64, sigma: f64, shape: f64| -> Result<Check, String> {

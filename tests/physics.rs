@@ -1,0 +1,241 @@
+//! Physics before pixels: lights by their formulas, furnaces, the balance of power, the same bytes on any threads.
+
+mod common;
+
+use common::{
+    bakes::{Shot, grey, options, parts, shoot, shoot_with, spread, unwrapped, within_sigma, worst},
+    exact,
+    scenes::{Ball, Cuboid, FACES, Face, furnished, rectangle, unit_room},
+    stage::{Chart, Stage},
+};
+use glam::{DVec3, UVec2, Vec3, uvec2, vec3};
+use luxel::scene::{LightKind, Sky};
+use std::f64::consts::PI;
+
+/// A black floor [-2, 2]^2 at y = 0 that looks up, of n x n texels, under one light.
+fn floor(n: u32, kind: LightKind, position: Vec3, direction: Vec3, range: f32) -> (Shot, Chart) {
+    let mut stage = Stage::new();
+    let black = stage.material(0.0, 0.0);
+    let corner = vec3(-2.0, 0.0, -2.0);
+    let chart = rectangle(&mut stage, black, [corner, Vec3::Z * 4.0, Vec3::X * 4.0], UVec2::splat(n));
+    stage.light(kind, position, direction, 10.0);
+    stage.scene.lights[0].range = range;
+    (shoot(stage, 256), chart)
+}
+
+/// Every texel is a mean over points inside it: between the law's extremes there; and their mean is the law's.
+fn follows(shot: &Shot, chart: Chart, law: impl Fn(DVec3) -> f64) {
+    let n = shot.rows(chart).len();
+    let side = 4.0 / n as f64;
+    let (mut sum, mut expected) = (0.0, 0.0);
+    for (i, place) in shot.placed(chart) {
+        let c = DVec3::new(place.y * 4.0 - 2.0, 0.0, place.x * 4.0 - 2.0);
+        let e = grey(shot.baked.irradiance[i]);
+        let at = |k: i32| law(c + DVec3::new(f64::from(k / 9 - 4), 0.0, f64::from(k % 9 - 4)) * (side / 8.0));
+        let (low, high) = (0..81).map(at).fold((f64::INFINITY, 0f64), |(l, h), v| (l.min(v), h.max(v)));
+        assert!(e >= low * (1.0 - 1e-4) - 1e-6 && e <= high * (1.0 + 1e-4) + 1e-6, "{c}: {e} outside {low}..{high}");
+        sum += e;
+        let square = [c - DVec3::new(side, 0.0, side) / 2.0, DVec3::X * side, DVec3::Z * side];
+        expected += exact::mean_over(square, 8, &law);
+    }
+    // Points of a texel are stratified: their mean is off by far less than the law's range in it.
+    assert!((sum / expected - 1.0).abs() < 1e-3, "mean {sum} instead of {expected}");
+}
+
+#[test]
+fn point_light_falls_with_the_square() {
+    let light = vec3(0.3, 1.0, -0.2);
+    let (shot, chart) = floor(64, LightKind::Point { radius: 0.0 }, light, Vec3::ZERO, f32::INFINITY);
+    follows(&shot, chart, |p| {
+        let v = light.as_dvec3() - p;
+        10.0 * v.y / v.length().powi(3)
+    });
+}
+
+#[test]
+fn range_ends_a_light() {
+    let light = vec3(0.3, 1.0, -0.2);
+    let (shot, chart) = floor(64, LightKind::Point { radius: 0.0 }, light, Vec3::ZERO, 1.5);
+    follows(&shot, chart, |p| {
+        let v = light.as_dvec3() - p;
+        let d = v.length();
+        10.0 * v.y / d.powi(3) * (1.0 - (d / 1.5).powi(4)).clamp(0.0, 1.0)
+    });
+}
+
+#[test]
+fn spot_has_the_cone_of_the_extension() {
+    let (cos_inner, cos_outer) = (libm::cos(0.3), libm::cos(0.7));
+    let kind = LightKind::Spot { cos_inner: cos_inner as f32, cos_outer: cos_outer as f32, radius: 0.0 };
+    let (light, axis) = (vec3(0.3, 1.5, -0.2), vec3(0.3, -1.0, 0.1).normalize());
+    let (shot, chart) = floor(64, kind, light, axis, f32::INFINITY);
+    follows(&shot, chart, |p| {
+        let v = light.as_dvec3() - p;
+        let d = v.length();
+        let scale = 1.0 / (cos_inner - cos_outer).max(0.001);
+        let cone = (-v.dot(axis.as_dvec3()) / d * scale - cos_outer * scale).clamp(0.0, 1.0);
+        10.0 * v.y / d.powi(3) * cone * cone
+    });
+}
+
+#[test]
+fn directional_light_is_lux_times_cosine() {
+    let sun = vec3(0.5, -0.8, 0.2).normalize();
+    let (shot, chart) = floor(16, LightKind::Directional { angle: 0.0 }, Vec3::ZERO, sun, f32::INFINITY);
+    let e = shot.values(chart);
+    assert!(worst(e.iter().map(|e| grey(*e)), -10.0 * f64::from(sun.y)) < 1e-5);
+}
+
+/// A wall shadows whatever the signs of the zeros in the sun's direction.
+#[test]
+fn a_sun_along_an_axis_plane_casts_shadows() {
+    for sun in [vec3(1.0, -1.0, 0.0), vec3(1.0, -1.0, -0.0), vec3(0.0, -1.0, 1.0), vec3(-0.0, -1.0, 1.0)] {
+        let mut stage = Stage::new();
+        let black = stage.material(0.0, 0.0);
+        let bowl = Ball::bowl(0.5, uvec2(64, 16), 1).build(&mut stage, black);
+        stage.light(LightKind::Directional { angle: 0.0 }, Vec3::ZERO, sun, 1.0);
+        let shot = shoot(stage, 64);
+        // All that enters the opening of pi m^2 lands on 2 pi m^2; facets and shadow edges: 2 %.
+        let got = shot.mean(&[bowl]).1.x;
+        assert!((got / (0.5 * libm::sqrt(0.5)) - 1.0).abs() < 0.02, "{sun}: {got}");
+    }
+}
+
+#[test]
+fn uniform_sky_over_a_plane_is_pi_l() {
+    let mut stage = Stage::new();
+    let white = stage.material(0.9, 0.0);
+    let plane = rectangle(&mut stage, white, [Vec3::ZERO, Vec3::Z, Vec3::X], UVec2::splat(8));
+    stage.scene.sky = Sky::Uniform(Vec3::splat(2.0));
+    let shot = shoot(stage, 64);
+    assert!(worst(shot.values(plane).iter().map(|e| grey(*e)), 2.0 * PI) < 1e-5);
+}
+
+/// A half plane 1 m above the floor under a sun in the zenith of 10 degrees across: the share of the disc beside the
+/// edge. sin for tan and the cosine over the disc cost (sin 5 deg)^2; texels are a sixteenth of the disc's radius.
+#[test]
+fn penumbra_is_the_share_of_the_disc() {
+    let (mut stage, rays, angle) = (Stage::new(), 1024, 10f64.to_radians());
+    let black = stage.material(0.0, 0.0);
+    let r = libm::sin(angle / 2.0);
+    let n = 48u32;
+    let half = 1.5 * r;
+    let corner = vec3(-half as f32, 0.0, -0.1);
+    let edges = [corner, Vec3::Z * 0.2, Vec3::X * (2.0 * half) as f32];
+    let chart = rectangle(&mut stage, black, edges, uvec2(8, n));
+    rectangle(&mut stage, black, [vec3(-9.0, 1.0, -9.0), Vec3::Z * 18.0, Vec3::X * 9.0], UVec2::splat(4));
+    stage.light(LightKind::Directional { angle: angle as f32 }, Vec3::ZERO, -Vec3::Y, 1.0);
+    let shot = shoot(stage, rays);
+    let share = |x: f64| {
+        let u = (x / r).clamp(-1.0, 1.0);
+        0.5 + (u * libm::sqrt(1.0 - u * u) + libm::asin(u)) / PI
+    };
+    let side = 2.0 * half / f64::from(n);
+    let errors: Vec<f64> = shot
+        .placed(chart)
+        .into_iter()
+        .map(|(i, place)| {
+            let x = (place.y - 0.5) * 2.0 * half;
+            let expected = (share(x - side / 4.0) + share(x + side / 4.0)) / 2.0;
+            let sigma = libm::sqrt(expected * (1.0 - expected) / f64::from(rays)) + r * r;
+            (grey(shot.baked.irradiance[i]) - expected) / sigma
+        })
+        .collect();
+    within_sigma(&errors).unwrap();
+}
+
+#[test]
+fn furnaces_read_their_value_at_every_texel() {
+    let ball = |smooth| Ball { smooth, ..Ball::whole(Vec3::ZERO, 1.0, uvec2(24, 12), true) };
+    for (rho, m) in [(0.5, 1.0), (0.9, 0.25)] {
+        for which in 0..4 {
+            let mut stage = Stage::new();
+            let grey_wall = stage.material(rho, m);
+            match which {
+                0 => drop(unit_room().all(&mut stage, grey_wall, 12)),
+                1 => drop(furnished(&mut stage, grey_wall, grey_wall, 12)),
+                _ => drop(vec![ball(which == 3).build(&mut stage, grey_wall)]),
+            }
+            let expected = f64::from(m / (1.0 - rho));
+            let baked = unwrapped(stage, 128, 32);
+            let off = worst(baked.irradiance.iter().map(|e| grey(*e)), expected);
+            assert!(off < 1e-3, "scene {which}, rho {rho}: off by {off}");
+            assert_eq!((baked.report.rays.lost, baked.report.rays.escaped), (0, 0), "scene {which}");
+        }
+    }
+}
+
+#[test]
+fn power_put_in_is_power_absorbed() {
+    let mut stage = Stage::new();
+    let (wall, block) = (stage.material(0.8, 0.0), stage.material(0.3, 2.0));
+    furnished(&mut stage, wall, block, 16);
+    let shot = shoot(stage, 256);
+    let [absorbed, emitted] = shot.power();
+    // 2176 rows of 256 rays, each off by some 5 % of its value: 5 % / sqrt(2176) = .1 %.
+    assert!((absorbed / emitted - 1.0).abs() < 3e-3, "{absorbed} of {emitted}");
+    let energy = &shot.baked.report.energy;
+    assert!((energy.emitted / (3.0 * emitted) - 1.0).abs() < 1e-4);
+    assert!(energy.imbalance.abs() < 3e-3, "{}", energy.imbalance);
+}
+
+#[test]
+fn walls_bleed_their_colour() {
+    let mut stage = Stage::new();
+    let mut paint = |r, g, b| stage.rgb(vec3(r, g, b), Vec3::ZERO, false);
+    let (white, red, green) = (paint(0.8, 0.8, 0.8), paint(0.8, 0.05, 0.05), paint(0.05, 0.8, 0.05));
+    let lamp = stage.material(0.0, 5.0);
+    let room = unit_room();
+    let charts = FACES.map(|f| {
+        let material = match f {
+            Face::Left => red,
+            Face::Right => green,
+            Face::Top => lamp,
+            _ => white,
+        };
+        room.face(&mut stage, f, material, UVec2::ONE, UVec2::splat(16))
+    });
+    let shot = shoot(stage, 256);
+    let floor = shot.rows(charts[2]);
+    let side = |columns: std::ops::Range<usize>| {
+        let texels = floor.iter().flat_map(|row| row[columns.clone()].iter().flatten());
+        texels.map(|i| shot.baked.irradiance[*i]).sum::<Vec3>()
+    };
+    let (near_red, near_green) = (side(0..4), side(12..16));
+    assert!(near_red.x > 1.05 * near_red.y && near_green.y > 1.05 * near_green.x, "{near_red} {near_green}");
+    // The room is symmetric but for the colours.
+    assert!((near_red.x / near_green.y - 1.0).abs() < 0.02);
+    let (blue, _) = spread(&shot.values(charts[2]).iter().map(|e| f64::from(e.z)).collect::<Vec<_>>());
+    assert!(blue > 0.0);
+}
+
+#[test]
+fn reflectance_is_capped_with_a_warning() {
+    let mut stage = Stage::new();
+    let white = stage.material(1.0, 1.0);
+    unit_room().all(&mut stage, white, 8);
+    let shot = shoot_with(stage, luxel::bake::Options { rays: 32, ..luxel::bake::Options::default() });
+    assert!(worst(shot.baked.irradiance.iter().map(|e| grey(*e)), 1.0 / (1.0 - 0.98)) < 2e-3);
+    assert!(shot.baked.report.warnings.iter().any(|w| w.contains("capped")), "{:?}", shot.baked.report.warnings);
+    assert!((shot.baked.report.reflectance.capped_area - 6.0).abs() < 1e-4);
+}
+
+#[test]
+fn threads_do_not_change_a_bit() {
+    let mut stage = Stage::new();
+    let (wall, block) = (stage.material(0.7, 0.0), stage.material(0.4, 1.0));
+    furnished(&mut stage, wall, block, 16);
+    Cuboid::block(Vec3::splat(0.8), Vec3::splat(0.9)).all(&mut stage, block, 4);
+    stage.light(LightKind::Point { radius: 0.05 }, vec3(1.0, 0.5, 1.2), Vec3::ZERO, 3.0);
+    stage.lay_out();
+    let mut options = options(64);
+    options.atlas.density = luxel::atlas::Density::Resolution(128);
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        let baked = pool.install(|| parts(&stage.scene, &options));
+        let bits = |v: &[Vec3]| v.iter().flat_map(|e| e.to_array().map(f32::to_bits)).collect::<Vec<_>>();
+        (bits(&baked.irradiance), baked.lightmaps.pages.iter().map(|m| bits(&m.irradiance)).collect::<Vec<_>>())
+    };
+    let once = run(1);
+    assert!(once == run(2) && once == run(3) && once == run(1));
+}
