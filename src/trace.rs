@@ -1,7 +1,7 @@
 //! [`Tracer`]: closest hit and transmittance. The only place that knows the BVH crate.
 //!
-//! Triangle tests are watertight: both triangles at an edge compute the same number for it, up to sign (the Plücker
-//! test of Embree, after Davidovič et al., "3D Rasterization", 2012).
+//! Triangle tests are watertight (Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2013): corners are
+//! sheared to the plane across the ray once, and which side of an edge the ray passes is then decided exactly.
 
 use crate::{
     math::{hash, unit_float},
@@ -23,7 +23,6 @@ pub struct Tracer<'s> {
     bvh: CwBvh,
     /// In the order of the tree's leaves.
     triangles: Vec<Triangle>,
-    any_holes: bool,
     offset: f32,
 }
 
@@ -69,12 +68,11 @@ impl<'s> Tracer<'s> {
             }
         }
         let extent = triangles.iter().flat_map(|t| t.corners).fold(0f32, |m, c| m.max(c.abs().max_element()));
-        let bvh = build(&triangles);
-        let leaf = |&i: &u32| triangles.get(i as usize).copied().unwrap_or(Triangle::EMPTY);
-        let triangles: Vec<_> = bvh.primitive_indices.iter().map(leaf).collect();
-        let any_holes = triangles.iter().any(|t| t.flags & HOLES != 0);
         // Sixteen units in the last place of the largest coordinate: beyond the rounding of a computed surface point.
-        Tracer { world, bvh, triangles, any_holes, offset: extent * 16.0 * f32::EPSILON }
+        let offset = extent * 16.0 * f32::EPSILON;
+        let bvh = build(&triangles, offset);
+        let triangles: Vec<_> = bvh.primitive_indices.iter().map(|&i| triangles[i as usize]).collect();
+        Tracer { world, bvh, triangles, offset }
     }
 
     /// How far from a face a ray starts so as not to meet the face itself, metres.
@@ -85,110 +83,121 @@ impl<'s> Tracer<'s> {
     /// The first surface along a ray. Alpha and transmission let it pass by chance, keyed by `key` and the triangle.
     #[inline]
     pub fn closest(&self, origin: Vec3, direction: Vec3, key: u32) -> Option<Hit> {
-        let ray = Ray::new(origin.into(), direction.into(), 0.0, f32::INFINITY);
+        let shear = Shear::new(origin, direction);
         let mut hit = RayHit::none();
+        let ray = Ray::new(origin.into(), direction.into(), 0.0, f32::INFINITY);
         self.bvh.ray_traverse(ray, &mut hit, |ray, i| {
             let tri = &self.triangles[i];
-            let t = tri.distance(ray);
-            if t < ray.tmax && tri.flags & HOLES != 0 && self.passes(tri, ray, key) { f32::INFINITY } else { t }
+            let t = shear.distance(&tri.corners);
+            if t < ray.tmax && tri.flags & HOLES != 0 && self.passes(tri, &shear, key) { f32::INFINITY } else { t }
         });
         if hit.t == f32::INFINITY {
             return None;
         }
         let tri = &self.triangles[hit.primitive_id as usize];
-        let (u, v, w) = tri.edges(&ray);
-        let sum = u + v + w;
-        // The sum is negative for a ray from the front; both signs give positive barycentrics.
-        let bary = Vec2::new(v / sum, w / sum);
-        Some(Hit { t: hit.t, triangle: tri.id, bary, front: (sum < 0.0) != (tri.flags & MIRRORED != 0) })
+        let (bary, turned) = shear.barycentrics(&tri.corners);
+        Some(Hit { t: hit.t, triangle: tri.id, bary, front: turned == (tri.flags & MIRRORED != 0) })
     }
 
     /// Share of light (rgb) that comes through from `origin` to distance `t` along `direction`.
     #[inline]
     pub fn transmittance(&self, origin: Vec3, direction: Vec3, t: f32) -> Vec3 {
+        let shear = Shear::new(origin, direction);
         let ray = Ray::new(origin.into(), direction.into(), 0.0, t);
-        if !self.any_holes {
-            let miss = self.bvh.ray_traverse_miss(ray, |ray, i| self.triangles[i].distance(ray));
-            return if miss { Vec3::ONE } else { Vec3::ZERO };
-        }
         let mut through = Vec3::ONE;
         self.bvh.ray_traverse_miss(ray, |ray, i| {
             let tri = &self.triangles[i];
-            let t = tri.distance(ray);
+            let t = shear.distance(&tri.corners);
             if t < ray.tmax {
-                through *= if tri.flags & HOLES == 0 { Vec3::ZERO } else { self.through(tri, ray) };
+                through *= if tri.flags & HOLES == 0 { Vec3::ZERO } else { self.through(tri, &shear) };
             }
             if through == Vec3::ZERO { t } else { f32::INFINITY }
         });
         through
     }
 
-    fn through(&self, tri: &Triangle, ray: &Ray) -> Vec3 {
-        let (u, v, w) = tri.edges(ray);
-        let sum = u + v + w;
+    fn through(&self, tri: &Triangle, shear: &Shear) -> Vec3 {
         let (instance, t) = self.world.locate(tri.id);
-        self.world.scene.transmittance(self.world.mesh(instance), t, Vec2::new(v / sum, w / sum))
+        self.world.scene.transmittance(self.world.mesh(instance), t, shear.barycentrics(&tri.corners).0)
     }
 
     #[cold]
-    fn passes(&self, tri: &Triangle, ray: &Ray, key: u32) -> bool {
-        let share = self.through(tri, ray).element_sum() / 3.0;
+    fn passes(&self, tri: &Triangle, shear: &Shear, key: u32) -> bool {
+        let share = self.through(tri, shear).element_sum() / 3.0;
         unit_float(hash(key, tri.id)) < share
     }
 }
 
-impl Triangle {
-    /// Never hit: stands for the box that [`build`] adds.
-    const EMPTY: Triangle = Triangle { corners: [Vec3::ZERO; 3], id: u32::MAX, flags: 0 };
+/// A ray as the map that takes it to the third axis.
+struct Shear {
+    axes: [usize; 3],
+    origin: [f32; 3],
+    slope: [f32; 3],
+}
 
-    /// Signed volumes of the ray with the edges opposite to corners 0, 1 and 2.
+impl Shear {
+    fn new(origin: Vec3, direction: Vec3) -> Self {
+        let z = direction.abs().max_position();
+        let axes = [(z + 1) % 3, (z + 2) % 3, z];
+        let d = direction.to_array();
+        let slope = [d[axes[0]] / d[z], d[axes[1]] / d[z], 1.0 / d[z]];
+        Shear { axes, origin: axes.map(|a| origin[a]), slope }
+    }
+
+    /// A corner across the ray, and its distance along it.
     #[inline(always)]
-    fn edges(&self, ray: &Ray) -> (f32, f32, f32) {
-        let [a, b, c] = self.corners.map(|p| Vec3A::from(p) - ray.origin);
-        let (ab, bc, ca) = (a - b, b - c, c - a);
-        let w = ab.cross(a + b).dot(ray.direction);
-        let u = bc.cross(b + c).dot(ray.direction);
-        let v = ca.cross(c + a).dot(ray.direction);
-        (u, v, w)
+    fn corner(&self, p: Vec3) -> [f32; 3] {
+        let p = p.to_array();
+        let [x, y, z] = [0, 1, 2].map(|k| p[self.axes[k]] - self.origin[k]);
+        [x - self.slope[0] * z, y - self.slope[1] * z, self.slope[2] * z]
+    }
+
+    /// Twice the areas that the ray makes with the edges opposite to corners 0, 1 and 2, their signs exact: products of
+    /// single-precision numbers are exact in double precision.
+    #[inline(always)]
+    fn edges(c: &[[f32; 3]; 3]) -> [f64; 3] {
+        let area = |p: [f32; 3], q: [f32; 3]| f64::from(p[0]) * f64::from(q[1]) - f64::from(p[1]) * f64::from(q[0]);
+        [area(c[1], c[2]), area(c[2], c[0]), area(c[0], c[1])]
     }
 
     /// Distance along the ray, infinite if it passes by.
     #[inline(always)]
-    fn distance(&self, ray: &Ray) -> f32 {
-        let (u, v, w) = self.edges(ray);
-        let (least, most) = (u.min(v).min(w), u.max(v).max(w));
-        if least < 0.0 && most > 0.0 {
+    fn distance(&self, corners: &[Vec3; 3]) -> f32 {
+        let c = corners.map(|p| self.corner(p));
+        let [u, v, w] = Self::edges(&c);
+        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
             return f32::INFINITY;
         }
-        let [a, b, c] = self.corners.map(Vec3A::from);
-        let n = (b - a).cross(c - a);
-        let t = (a - ray.origin).dot(n) / ray.direction.dot(n);
+        let t = (u * f64::from(c[0][2]) + v * f64::from(c[1][2]) + w * f64::from(c[2][2])) / (u + v + w);
         // Also false for the NaN of a ray in the triangle's plane.
-        if t > ray.tmin { t } else { f32::INFINITY }
+        if t > 0.0 { t as f32 } else { f32::INFINITY }
+    }
+
+    /// Barycentrics (1 - x - y, x, y) of the hit, and whether the corners run clockwise as the ray sees them.
+    fn barycentrics(&self, corners: &[Vec3; 3]) -> (Vec2, bool) {
+        let [u, v, w] = Self::edges(&corners.map(|p| self.corner(p)));
+        let sum = u + v + w;
+        // Shearing along a negative axis mirrors the plane.
+        (glam::DVec2::new(v / sum, w / sum).as_vec2(), (sum > 0.0) == (self.slope[2] > 0.0))
     }
 }
 
-fn build(triangles: &[Triangle]) -> CwBvh {
+fn build(triangles: &[Triangle], margin: f32) -> CwBvh {
     if triangles.is_empty() {
         return CwBvh::default();
     }
-    build_cwbvh(&boxes(triangles), BvhBuildParams::medium_build(), &mut Duration::default())
+    build_cwbvh(&boxes(triangles, margin), BvhBuildParams::medium_build(), &mut Duration::default())
 }
 
-/// A box for each triangle, and one more that keeps the tree sound.
-///
-/// obvhs 0.4 sorts a centroid on the scene's maximum plane to the opposite side, which ruins the tree of a room with
-/// flat outer walls. An empty box beyond the maximum corner keeps every real centroid off that plane.
-fn boxes(triangles: &[Triangle]) -> Vec<Aabb> {
+/// A box for each triangle, wider by a margin that serves twice. It covers the rounding of the box test, or rays would
+/// slip through at edges between flat boxes. And it keeps centroids off the scene's maximum planes: obvhs 0.4 sorts one
+/// that lies there to the opposite side, which ruins the tree of a room with flat outer walls.
+fn boxes(triangles: &[Triangle], margin: f32) -> Vec<Aabb> {
     let of = |t: &Triangle| {
         let [a, b, c] = t.corners.map(Vec3A::from);
-        Aabb { min: a.min(b).min(c), max: a.max(b).max(c) }
+        Aabb { min: a.min(b).min(c) - margin, max: a.max(b).max(c) + margin }
     };
-    let mut boxes: Vec<Aabb> = triangles.iter().map(of).collect();
-    let all = boxes.iter().fold(Aabb::empty(), |all, b| all.union(b));
-    let beyond = all.max + (all.max - all.min) * 1e-3 + Vec3A::splat(1e-6);
-    boxes.push(Aabb { min: beyond, max: beyond });
-    boxes
+    triangles.iter().map(of).collect()
 }
 
 #[cfg(test)]
@@ -271,11 +280,9 @@ mod tests {
     fn flat_outer_walls_do_not_ruin_the_tree() {
         let scene = room(Vec3::new(4.0, 1.5, 3.0), 100, 0);
         let tracer = Tracer::new(World::new(&scene));
-        let triangles: Vec<_> = tracer.triangles.iter().filter(|t| t.id != u32::MAX).copied().collect();
-        let cured = boxes(&triangles);
         let params = BvhBuildParams::medium_build();
-        let tree = |boxes: &[Aabb]| sah(&build_bvh2(boxes, params, &mut Duration::default()));
-        let (cured, plain) = (tree(&cured), tree(&cured[..triangles.len()]));
+        let tree = |margin: f32| sah(&build_bvh2(&boxes(&tracer.triangles, margin), params, &mut Duration::default()));
+        let (cured, plain) = (tree(tracer.offset), tree(0.0));
         assert!(cured < 0.3 * plain, "expected cost {cured} with the cure, {plain} without");
         assert!(cured < 120.0, "expected cost {cured}");
     }
@@ -287,8 +294,8 @@ mod tests {
         let tracer = Tracer::new(World::new(&scene));
         for k in 0..20_000 {
             let (origin, d) = (inside(k, half), direction(k));
-            let ray = Ray::new(origin.into(), d.into(), 0.0, f32::INFINITY);
-            let brute = tracer.triangles.iter().map(|t| t.distance(&ray)).fold(f32::INFINITY, f32::min);
+            let shear = Shear::new(origin, d);
+            let brute = tracer.triangles.iter().map(|t| shear.distance(&t.corners)).fold(f32::INFINITY, f32::min);
             let hit = tracer.closest(origin, d, 0).expect("the room is closed");
             assert_eq!(hit.t, brute, "ray {k}");
             let (a, b) = (tracer.transmittance(origin, d, brute * 1.001), tracer.transmittance(origin, d, brute));
