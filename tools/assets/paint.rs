@@ -12,7 +12,7 @@ pub fn boards() -> Vec<u8> {
         // Two boards a row, staggered; the first column and line of a board are its joint.
         let along = (x + 96 * row) % SIZE;
         let board = row * 2 + along / 128;
-        let joint = y % ROW == 0 || along % 128 == 0;
+        let joint = y.is_multiple_of(ROW) || along.is_multiple_of(128);
         let tone = 0.8 + 0.2 * noise(board, 0);
         let grain = 0.9 + 0.1 * (0.5 * noise(along / 16, y + 512) + 0.5 * noise(along / 4, y / 2 + 1024));
         let light = if joint { 0.45 } else { tone * grain };
