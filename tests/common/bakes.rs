@@ -11,7 +11,6 @@ use luxel::{
     report::Report,
     scene::Scene,
 };
-use std::path::Path;
 
 /// A finished bake of a stage's own charts.
 pub struct Shot {

@@ -44,8 +44,11 @@ pub struct Check {
 /// What a family makes of a case: its checks, or what it could not read.
 pub type Outcome = Result<Vec<Check>, String>;
 
-/// The families of tests/data and how to build them.
-const FAMILIES: &[(&str, fn(&Case) -> Outcome)] = &[
+/// A family's name and how to build its cases.
+type Family = (&'static str, fn(&Case) -> Outcome);
+
+/// The families of tests/data.
+const FAMILIES: &[Family] = &[
     ("parallel_equal_rectangles", factors::parallel_equal_rectangles),
     ("parallel_offset_rectangles", factors::parallel_offset_rectangles),
     ("perpendicular_rectangles", factors::perpendicular_rectangles),
