@@ -334,7 +334,7 @@ mod tests {
         scene.instances[0].transform = DAffine3::from_scale(glam::DVec3::new(-1.0, 2.0, 0.5));
         let tracer = Tracer::new(World::new(&scene));
         for k in 0..100 {
-            let frame = Frame::around(direction(k), glam::Vec2::X);
+            let frame = Frame::around(direction(k), Vec2::X);
             let hit = tracer.closest(Vec3::ZERO, frame.to_world(Vec3::Z), 0).expect("the room is closed");
             assert!(hit.front);
         }
