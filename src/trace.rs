@@ -23,6 +23,8 @@ pub struct Tracer<'s> {
     bvh: CwBvh,
     /// In the order of the tree's leaves.
     triangles: Vec<Triangle>,
+    /// The tree's units a metre: a power of two, so that scaling rounds nothing.
+    scale: f32,
     offset: f32,
 }
 
@@ -46,6 +48,10 @@ struct Triangle {
     flags: u32,
 }
 
+/// Largest coordinate in the tree, at most. obvhs' 8-wide traversal looks for boxes from a distance of 1e-4 on, whatever
+/// the scene's size: at this extent that is one unit in the last place.
+const EXTENT: f32 = 2048.0;
+
 const HOLES: u32 = 1;
 const MIRRORED: u32 = 2;
 
@@ -68,11 +74,13 @@ impl<'s> Tracer<'s> {
             }
         }
         let extent = triangles.iter().flat_map(|t| t.corners).fold(0f32, |m, c| m.max(c.abs().max_element()));
+        let scale = if extent > 0.0 { libm::exp2f(libm::floorf(libm::log2f(EXTENT / extent))) } else { 1.0 };
+        triangles.iter_mut().for_each(|t| t.corners = t.corners.map(|c| c * scale));
         // Sixteen units in the last place of the largest coordinate: beyond the rounding of a computed surface point.
         let offset = extent * 16.0 * f32::EPSILON;
-        let bvh = build(&triangles, offset);
+        let bvh = build(&triangles, offset * scale);
         let triangles: Vec<_> = bvh.primitive_indices.iter().map(|&i| triangles[i as usize]).collect();
-        Tracer { world, bvh, triangles, offset }
+        Tracer { world, bvh, triangles, scale, offset }
     }
 
     /// How far from a face a ray starts so as not to meet the face itself, metres.
@@ -83,9 +91,8 @@ impl<'s> Tracer<'s> {
     /// The first surface along a ray. Alpha and transmission let it pass by chance, keyed by `key` and the triangle.
     #[inline]
     pub fn closest(&self, origin: Vec3, direction: Vec3, key: u32) -> Option<Hit> {
-        let shear = Shear::new(origin, direction);
+        let (shear, ray) = self.ray(origin, direction, f32::INFINITY);
         let mut hit = RayHit::none();
-        let ray = Ray::new(origin.into(), direction.into(), 0.0, f32::INFINITY);
         self.bvh.ray_traverse(ray, &mut hit, |ray, i| {
             let tri = &self.triangles[i];
             let t = shear.distance(&tri.corners);
@@ -96,14 +103,13 @@ impl<'s> Tracer<'s> {
         }
         let tri = &self.triangles[hit.primitive_id as usize];
         let (bary, turned) = shear.barycentrics(&tri.corners);
-        Some(Hit { t: hit.t, triangle: tri.id, bary, front: turned == (tri.flags & MIRRORED != 0) })
+        Some(Hit { t: hit.t / self.scale, triangle: tri.id, bary, front: turned == (tri.flags & MIRRORED != 0) })
     }
 
     /// Share of light (rgb) that comes through from `origin` to distance `t` along `direction`.
     #[inline]
     pub fn transmittance(&self, origin: Vec3, direction: Vec3, t: f32) -> Vec3 {
-        let shear = Shear::new(origin, direction);
-        let ray = Ray::new(origin.into(), direction.into(), 0.0, t);
+        let (shear, ray) = self.ray(origin, direction, t);
         let mut through = Vec3::ONE;
         self.bvh.ray_traverse_miss(ray, |ray, i| {
             let tri = &self.triangles[i];
@@ -114,6 +120,13 @@ impl<'s> Tracer<'s> {
             if through == Vec3::ZERO { t } else { f32::INFINITY }
         });
         through
+    }
+
+    fn ray(&self, origin: Vec3, direction: Vec3, t: f32) -> (Shear, Ray) {
+        let origin = origin * self.scale;
+        // A component of -0 would make the tree's box test and its reciprocal disagree on the side; adding 0 clears it.
+        let ray = Ray::new(origin.into(), (direction + 0.0).into(), 0.0, t * self.scale);
+        (Shear::new(origin, direction), ray)
     }
 
     fn through(&self, tri: &Triangle, shear: &Shear) -> Vec3 {
@@ -281,7 +294,9 @@ mod tests {
         let scene = room(Vec3::new(4.0, 1.5, 3.0), 100, 0);
         let tracer = Tracer::new(World::new(&scene));
         let params = BvhBuildParams::medium_build();
-        let tree = |margin: f32| sah(&build_bvh2(&boxes(&tracer.triangles, margin), params, &mut Duration::default()));
+        let tree = |margin: f32| {
+            sah(&build_bvh2(&boxes(&tracer.triangles, margin * tracer.scale), params, &mut Duration::default()))
+        };
         let (cured, plain) = (tree(tracer.offset), tree(0.0));
         assert!(cured < 0.3 * plain, "expected cost {cured} with the cure, {plain} without");
         assert!(cured < 120.0, "expected cost {cured}");
@@ -294,8 +309,9 @@ mod tests {
         let tracer = Tracer::new(World::new(&scene));
         for k in 0..20_000 {
             let (origin, d) = (inside(k, half), direction(k));
-            let shear = Shear::new(origin, d);
+            let shear = Shear::new(origin * tracer.scale, d);
             let brute = tracer.triangles.iter().map(|t| shear.distance(&t.corners)).fold(f32::INFINITY, f32::min);
+            let brute = brute / tracer.scale;
             let hit = tracer.closest(origin, d, 0).expect("the room is closed");
             assert_eq!(hit.t, brute, "ray {k}");
             let (a, b) = (tracer.transmittance(origin, d, brute * 1.001), tracer.transmittance(origin, d, brute));
@@ -305,6 +321,21 @@ mod tests {
             assert!(at.distance(origin + d * hit.t) < 1e-4, "ray {k}: barycentrics lead to {at}");
             let facing = tracer.world.cross(0, &[p, q, r]).dot(d) < 0.0;
             assert_eq!(hit.front, facing, "ray {k}");
+        }
+    }
+
+    #[test]
+    fn hits_close_by_and_along_axes_count() {
+        let scene = room(Vec3::ONE, 1, 0);
+        let tracer = Tracer::new(World::new(&scene));
+        for exponent in 0..22 {
+            let gap = libm::exp2f(-(exponent as f32));
+            let origin = Vec3::new(1.0 - gap, 0.3, 0.2);
+            for d in [Vec3::new(1.0, -0.0, 0.0), Vec3::new(1.0, -0.0, -0.0), Vec3::new(1.0, 0.1, 0.1)] {
+                let hit = tracer.closest(origin, d, 0).expect("the room is closed");
+                assert!((hit.t - gap).abs() <= 1e-6 * gap, "gap {gap} along {d}: {}", hit.t);
+                assert_eq!(tracer.transmittance(origin, d, f32::INFINITY), Vec3::ZERO, "gap {gap} along {d}");
+            }
         }
     }
 

@@ -11,7 +11,7 @@ use crate::{
 };
 use glam::{Vec2, Vec3};
 
-/// Largest cut whose parts are each worth their closed form.
+/// Most triangles of a cut that are worth their closed form.
 const EXACT: usize = 16;
 /// An inner node is opened while its radius exceeds this share of its distance.
 const OPEN: f32 = 0.25;
@@ -94,6 +94,11 @@ impl Emitters {
         self.triangles.len()
     }
 
+    /// True if every triangle is worth its closed form everywhere.
+    pub fn are_few(&self) -> bool {
+        self.len() <= EXACT
+    }
+
     /// The nodes that light a texel of radius `reach` around `p`: leaves where they are near, inner nodes further away.
     pub fn cut(&self, p: &SurfacePoint, reach: f32, cut: &mut Vec<Stratum>) {
         cut.clear();
@@ -112,8 +117,7 @@ impl Emitters {
         if cos <= 0.0 {
             return;
         }
-        let few = self.triangles.len() <= EXACT;
-        if n.second != 0 && (few || n.radius > OPEN * distance) {
+        if n.second != 0 && (self.are_few() || n.radius > OPEN * distance) {
             self.descend(node + 1, p, reach, cut);
             self.descend(n.second, p, reach, cut);
             return;
@@ -135,9 +139,12 @@ impl Emitters {
         e.radiance * (e.projected_solid_angle(p) / p.kept())
     }
 
-    /// True if each stratum of the cut is worth its closed form.
-    pub fn is_exact(&self, cut: &[Stratum]) -> bool {
-        cut.len() <= EXACT && cut.iter().all(|s| self.nodes[s.node as usize].second == 0)
+    /// Sorts the cut into the triangles that matter most, each worth its closed form, and the rest.
+    pub fn divide<'c>(&self, cut: &'c mut [Stratum]) -> (&'c [Stratum], &'c [Stratum]) {
+        let leaf = |s: &Stratum| self.nodes[s.node as usize].second == 0;
+        cut.sort_by(|a, b| leaf(b).cmp(&leaf(a)).then(b.weight.total_cmp(&a.weight)));
+        let near = cut.iter().take(EXACT).take_while(|s| leaf(s)).count();
+        cut.split_at(near)
     }
 
     /// A point of the stratum, seen from `p`; `None` if it sends nothing there.

@@ -151,22 +151,24 @@ impl Task<'_> {
         }
         let middle = on_surface(Vec2::splat(0.5));
         self.sources.emitters.cut(&middle, footprint.area().sqrt(), cut);
-        if self.sources.emitters.is_exact(cut) {
-            let total: f32 = cut.iter().map(|s| s.weight).sum();
-            let mut next = 0;
-            for stratum in cut.iter() {
-                let wish = (points.len() as f32 * stratum.weight / total).round() as usize;
-                let n = wish.clamp(1, points.len());
-                let samples = (next..next + n).map(|k| &points[k % points.len()]);
-                let tally = self.exact(stratum, samples, &on_surface, shift);
-                next += n;
-                r.emitters += tally.arrived;
-                book(tally, &mut r);
-            }
-        } else {
-            let (tally, noise) = self.pooled(cut, points, &on_surface, shift);
-            r.mixed |= noise > NOISE * luminance(tally.arrived);
+        let (near, far) = self.sources.emitters.divide(cut);
+        let weight = |strata: &[Stratum]| strata.iter().map(|s| s.weight).sum::<f32>();
+        let samples = |part: f32| {
+            let wish = points.len() as f32 * part / (weight(near) + weight(far));
+            (wish.round() as usize).clamp(1, points.len())
+        };
+        let mut next = 0;
+        for stratum in near {
+            let n = samples(stratum.weight);
+            let tally = self.exact(stratum, (next..next + n).map(|k| &points[k % points.len()]), &on_surface, shift);
+            next += n;
             r.emitters += tally.arrived;
+            book(tally, &mut r);
+        }
+        if !far.is_empty() {
+            let (tally, noise) = self.pooled(far, &points[..samples(weight(far))], &on_surface, shift);
+            r.emitters += tally.arrived;
+            r.mixed |= noise > NOISE * luminance(r.emitters);
             book(Tally { hits: tally.rays, ..tally }, &mut r);
         }
         r.share = if sent > 0.0 { arrived / sent } else { 0.0 };
@@ -221,7 +223,7 @@ impl Task<'_> {
     /// The mean of samples over the whole cut, and its standard error (luminance).
     fn pooled(
         &self,
-        cut: &mut [Stratum],
+        cut: &[Stratum],
         points: &[Point],
         on_surface: &impl Fn(Vec2) -> SurfacePoint,
         shift: Vec2,

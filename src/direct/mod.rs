@@ -47,8 +47,10 @@ impl<'s> Sources<'s> {
         let area = |i: usize| f64::from(patches.area[i]);
         let emitting: f64 = (0..patches.fronts).filter(emits).map(area).sum();
         let all: f64 = (0..patches.fronts).map(area).sum();
-        let gathered = emitting > GATHERED_SHARE * all;
-        let emitters = if gathered { emitters::Emitters::default() } else { emitters::Emitters::new(&tracer.world) };
+        let emitters = emitters::Emitters::new(&tracer.world);
+        let least = if emitters.are_few() { GATHERED_SHARE } else { GATHERED_SHARE_OF_MANY };
+        let gathered = emitting > least * all;
+        let emitters = if gathered { emitters::Emitters::default() } else { emitters };
         Sources { scene, emitters, peaks: sky::Peaks::new(&scene.sky), gathered }
     }
 
@@ -60,6 +62,8 @@ impl<'s> Sources<'s> {
 
 /// Emitters that cover more than this share of all area are seen by the rows: then a furnace has no noise at all.
 const GATHERED_SHARE: f64 = 0.3;
+/// The same for emitters of so many triangles that their closed forms would cost too much.
+const GATHERED_SHARE_OF_MANY: f64 = 0.05;
 
 impl Direct {
     /// Measures every patch. `rays` is the number of shadow rays a source where shadows are mixed.

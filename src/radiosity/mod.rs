@@ -68,6 +68,8 @@ trait Method {
 pub const TOLERANCE: f64 = 1e-3;
 /// More iterations than any reflectance below .9999 needs.
 const LIMIT: usize = 200_000;
+/// Iterations without a smaller residual after which rounding has the last word.
+const PATIENCE: usize = 50;
 
 impl Radiosity {
     /// Solves for all bounces. `gathered`: rows carry the exitance of surfaces. `sky`: exitance of the sky's cells.
@@ -94,7 +96,7 @@ impl System<'_> {
         let mut report = SolverReport { name: solver.name(), entries: touched, ..SolverReport::default() };
         let mut x = vec![Vec4::ZERO; self.unknowns()];
         let mut mapped = x.clone();
-        let mut least = f64::INFINITY;
+        let (mut least, mut idle) = (f64::INFINITY, 0);
         while report.iterations < LIMIT {
             check(observer)?;
             report.entries += self.map(&x, &mut mapped);
@@ -105,7 +107,8 @@ impl System<'_> {
             report.bound = residual * amplification;
             report.relative_bound = report.bound / self.dark_mean(&mapped).max(1e-30);
             report.converged = report.relative_bound <= tolerance || residual == 0.0;
-            if report.converged {
+            idle = if residual < least { 0 } else { idle + 1 };
+            if report.converged || idle > PATIENCE {
                 break;
             }
             if residual > 4.0 * least {

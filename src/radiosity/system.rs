@@ -45,9 +45,7 @@ impl<'t> System<'t> {
             .zip(&self.source)
             .zip(&self.reflectance)
             .for_each(|((b, source), reflectance)| *b = *source + *reflectance * *b);
-        self.transport
-            .rows
-            .map_into(out, |row| row.columns.iter().map(|&c| radiosity[c as usize]).sum::<Vec4>() * row.weight);
+        self.transport.rows.map_into(out, |row| row.sum(|c| radiosity[c as usize]));
         self.transport.rows.entries()
     }
 
@@ -66,8 +64,7 @@ impl<'t> System<'t> {
             self.transport.interpolate(&power, &mut reflected);
             reflected.iter_mut().zip(&brightest).for_each(|(r, b)| *r *= *b);
             self.transport.rows.map_into(&mut power, |row| {
-                let of = |&c: &u32| reflected.get(c as usize).copied().unwrap_or(Vec4::ZERO);
-                row.columns.iter().map(of).sum::<Vec4>() * row.weight
+                row.sum(|c| reflected.get(c as usize).copied().unwrap_or(Vec4::ZERO))
             });
             let q = power.iter().map(|p| p.x).fold(0f32, f32::max);
             // The spectral radius is at most the m-th root of |K^m|; rounding up keeps it a bound.
@@ -86,7 +83,8 @@ impl<'t> System<'t> {
         out.iter().map(|v| v.truncate()).collect()
     }
 
-    /// Mean luminance of the darker half of the patches' irradiance, or a ten-thousandth of the mean of all, if larger.
+    /// Mean luminance of the darker half of the patches' irradiance, or a hundredth of the mean of all, if larger: a black
+    /// half would ask for more than single precision can give.
     pub fn dark_mean(&self, x: &[Vec4]) -> f64 {
         let indirect = self.at_patches(x);
         let mut all: Vec<f32> = indirect.iter().zip(&self.direct).map(|(i, d)| luminance(*i + *d)).collect();
@@ -96,6 +94,6 @@ impl<'t> System<'t> {
         let half = all.len().div_ceil(2);
         all.select_nth_unstable_by(half - 1, f32::total_cmp);
         let mean = |v: &[f32]| v.iter().map(|&e| f64::from(e)).sum::<f64>() / v.len() as f64;
-        mean(&all[..half]).max(1e-4 * mean(&all))
+        mean(&all[..half]).max(1e-2 * mean(&all))
     }
 }

@@ -1,6 +1,7 @@
 //! [`Rows`]: a sparse matrix of ray counts. Each entry is a column that one ray met; its weight, one over the row's
 //! rays, is implicit: four bytes a ray.
 
+use glam::Vec4;
 use rayon::prelude::*;
 
 /// Rows in blocks, so that they are measured in parallel and never copied.
@@ -29,6 +30,14 @@ pub struct Row<'a> {
     pub columns: &'a [u32],
     /// Weight of each entry.
     pub weight: f32,
+}
+
+impl Row<'_> {
+    /// Weighted sum of `value` over the entries, in parts, so that rounding grows with the root of their number.
+    #[inline]
+    pub fn sum(&self, value: impl Fn(u32) -> Vec4) -> Vec4 {
+        self.columns.chunks(256).map(|part| part.iter().map(|&c| value(c)).sum::<Vec4>()).sum::<Vec4>() * self.weight
+    }
 }
 
 impl Block {
