@@ -145,7 +145,8 @@ mod tests {
 
     #[test]
     fn wrap_modes_differ_outside() {
-        let at = |wrap, u| (grey(UVec2::new(2, 1), &[0, 255], wrap, true).sample(Vec2::new(u, 0.5), 0.0).x * 255.0) as u8;
+        let at =
+            |wrap, u| (grey(UVec2::new(2, 1), &[0, 255], wrap, true).sample(Vec2::new(u, 0.5), 0.0).x * 255.0) as u8;
         assert_eq!([at(Wrap::Repeat, 1.25), at(Wrap::Mirror, 1.25), at(Wrap::Clamp, 1.25)], [0, 255, 255]);
         assert_eq!([at(Wrap::Repeat, -0.25), at(Wrap::Mirror, -0.25), at(Wrap::Clamp, -0.25)], [255, 0, 0]);
     }
