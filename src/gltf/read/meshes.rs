@@ -23,8 +23,9 @@ use std::ops::Range;
 
 /// Texture coordinate sets that are read.
 const MAX_SETS: u32 = 8;
-/// Vertices a mesh may have: what its arrays need stays below 32 GB.
-const MAX_VERTICES: usize = 1 << 29;
+/// Vertices that a mesh, and a scene, may have: primitives that share accessors get copies, so a small file could ask
+/// for any number of them.
+pub(super) const MAX_VERTICES: usize = 1 << 27;
 
 /// Mesh `index` of the document; `None`, with a warning, if it has no triangle.
 pub(super) fn read(
@@ -198,7 +199,7 @@ impl Part<'_, '_> {
             }
             None => (0..vertices as u32).collect(),
         };
-        if mode == Mode::Triangles && order.len() % 3 != 0 {
+        if mode == Mode::Triangles && !order.len().is_multiple_of(3) {
             warnings.about(&self.place, "ends with an incomplete triangle, which is left out");
         }
         Ok(match mode {

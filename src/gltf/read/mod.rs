@@ -25,7 +25,7 @@ use crate::{
     gltf::Document,
     scene::{Instance, Mesh, Scene, Sky},
 };
-use glam::{DAffine3, DVec3};
+use glam::DVec3;
 use materials::Materials;
 use nodes::Placed;
 use source::Source;
@@ -98,7 +98,7 @@ fn lit(
 ) -> Result<(Vec<Mesh>, Vec<Instance>)> {
     let (mut meshes, mut instances): (Vec<Mesh>, Vec<Instance>) = Default::default();
     let mut read: HashMap<usize, Option<u32>> = HashMap::new();
-    let mut triangles = 0u64;
+    let (mut triangles, mut vertices) = (0u64, 0);
     for p in placed {
         let Some(index) = source.nodes[p.node].mesh.map(|m| m.value()) else { continue };
         let name = source.node_name(p.node);
@@ -114,6 +114,7 @@ fn lit(
             None => {
                 let mesh = meshes::read(source, index, materials, warnings)?;
                 let at = mesh.map(|mesh| {
+                    vertices += mesh.positions.len();
                     meshes.push(mesh);
                     meshes.len() as u32 - 1
                 });
@@ -121,6 +122,9 @@ fn lit(
                 at
             }
         };
+        if vertices > meshes::MAX_VERTICES {
+            return Err(source.invalid(name, format!("the scene has more than {} vertices", meshes::MAX_VERTICES)));
+        }
         let Some(mesh) = mesh else { continue };
         let m = p.world.matrix3;
         if [m.x_axis.cross(m.y_axis), m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis)] == [DVec3::ZERO; 3] {
@@ -137,23 +141,26 @@ fn lit(
     Ok((meshes, instances))
 }
 
-/// Centre of the scene's bounding box in the world.
+/// Centre of the box around the instances' boxes in the world.
 fn centre(source: &Source, meshes: &[Mesh], instances: &[Instance]) -> Result<DVec3> {
-    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let boxes: Vec<[DVec3; 2]> = meshes.iter().map(|m| bounds(m.positions.iter().map(|p| p.as_dvec3()))).collect();
+    let mut ends = Vec::new();
     for instance in instances {
-        let (a, b) = bounds(&meshes[instance.mesh as usize], &instance.transform);
-        if !(a.is_finite() && b.is_finite() && (b - a).max_element() <= MAX_EXTENT) {
+        let own = boxes[instance.mesh as usize];
+        let corner = |i: usize| DVec3::new(own[i & 1].x, own[i >> 1 & 1].y, own[i >> 2].z);
+        let placed = bounds((0..8).map(|i| instance.transform.transform_point3(corner(i))));
+        if !(placed.iter().all(|p| p.is_finite()) && (placed[1] - placed[0]).max_element() <= MAX_EXTENT) {
             return Err(source.invalid(&instance.name, format!("is larger than {MAX_EXTENT:e} metres")));
         }
-        (low, high) = (low.min(a), high.max(b));
+        ends.extend(placed);
     }
+    let [low, high] = bounds(ends.into_iter());
     if (high - low).max_element() > MAX_EXTENT {
         return Err(source.invalid("scene", format!("is larger than {MAX_EXTENT:e} metres")));
     }
     Ok((low + high) * 0.5)
 }
 
-fn bounds(mesh: &Mesh, transform: &DAffine3) -> (DVec3, DVec3) {
-    let points = mesh.positions.iter().map(|p| transform.transform_point3(p.as_dvec3()));
-    points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
+fn bounds(points: impl Iterator<Item = DVec3>) -> [DVec3; 2] {
+    points.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)])
 }
