@@ -63,9 +63,9 @@ impl<'t> System<'t> {
             let mut reflected = vec![Vec4::ZERO; n];
             self.transport.interpolate(&power, &mut reflected);
             reflected.iter_mut().zip(&brightest).for_each(|(r, b)| *r *= *b);
-            self.transport.rows.map_into(&mut power, |row| {
-                row.sum(|c| reflected.get(c as usize).copied().unwrap_or(Vec4::ZERO))
-            });
+            self.transport
+                .rows
+                .map_into(&mut power, |row| row.sum(|c| reflected.get(c as usize).copied().unwrap_or(Vec4::ZERO)));
             let q = power.iter().map(|p| p.x).fold(0f32, f32::max);
             // The spectral radius is at most the m-th root of |K^m|; rounding up keeps it a bound.
             contraction = contraction.min(libm::powf(q, 1.0 / term as f32) * (1.0 + 1e-6)).min(0.999_999);
