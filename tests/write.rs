@@ -589,11 +589,10 @@ fn slots_that_others_follow_stay_and_are_used_again() {
     assert!(views(&more).iter().all(|v| v["name"].is_null()));
 }
 
-/// Real files, with every layout, twice; LUXEL_SCENES names their folder, LUXEL_KEEP where the outputs go.
+/// Real files, with every layout, twice.
 #[test]
-#[ignore = "needs a folder of scenes"]
 fn real_scenes() {
-    let Some(folder) = std::env::var_os("LUXEL_SCENES") else { return };
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         if path.extension().is_none_or(|e| e != "glb") {

@@ -83,9 +83,12 @@ fn page_scale(values: &[Vec3]) -> f32 {
     scale
 }
 
+/// Largest irradiance: still finite when a half has rounded it up.
+const LARGEST: f32 = 3.4e38;
+
 fn finite(c: f32) -> f32 {
     debug_assert!(c.is_finite(), "irradiance must be finite");
-    if c.is_nan() { 0.0 } else { c.clamp(f32::MIN, f32::MAX) }
+    if c.is_nan() { 0.0 } else { c.clamp(-LARGEST, LARGEST) }
 }
 
 #[cfg(test)]

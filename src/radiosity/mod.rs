@@ -65,7 +65,7 @@ trait Method {
 }
 
 /// Truncation error that is allowed, relative to the mean of the darker half.
-pub const TOLERANCE: f64 = 1e-3;
+pub const TOLERANCE: f64 = 5e-4;
 /// More iterations than any reflectance below .9999 needs.
 const LIMIT: usize = 200_000;
 /// Iterations without a smaller residual after which rounding has the last word.

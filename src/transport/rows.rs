@@ -1,7 +1,7 @@
 //! [`Rows`]: a sparse matrix of ray counts. Each entry is a column that one ray met; its weight, one over the row's
 //! rays, is implicit: four bytes a ray.
 
-use glam::Vec4;
+use glam::{DVec4, Vec4};
 use rayon::prelude::*;
 
 /// Rows in blocks, so that they are measured in parallel and never copied.
@@ -33,10 +33,12 @@ pub struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// Weighted sum of `value` over the entries, in parts, so that rounding grows with the root of their number.
+    /// Weighted sum of `value` over the entries: short parts in single precision, their sum in double, since near
+    /// reflectance 1 the solver amplifies rounding a thousandfold.
     #[inline]
     pub fn sum(&self, value: impl Fn(u32) -> Vec4) -> Vec4 {
-        self.columns.chunks(256).map(|part| part.iter().map(|&c| value(c)).sum::<Vec4>()).sum::<Vec4>() * self.weight
+        let part = |part: &[u32]| part.iter().map(|&c| value(c)).sum::<Vec4>().as_dvec4();
+        (self.columns.chunks(16).map(part).sum::<DVec4>() * f64::from(self.weight)).as_vec4()
     }
 }
 

@@ -150,7 +150,9 @@ fn failure_many_small_emitters() {
             panic!("face {face}: {e}; texel {k}: {} and {}", a[k], b[k]);
         }
         let (mean, _) = spread(&errors);
-        assert!(mean.abs() < 3.0 / libm::sqrt(errors.len() as f64), "face {face}: {mean} sigma");
+        // Texels share sixteen blocks of points: no more than that many are independent.
+        let independent = errors.len().min(16) as f64;
+        assert!(mean.abs() < 3.0 / libm::sqrt(independent), "face {face}: {mean} sigma");
     }
 }
 
