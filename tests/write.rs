@@ -48,7 +48,7 @@ fn rich() -> Builder {
     );
     let secret = b.view(b"secret bytes", json!({}));
     b.json["extensions"] = json!({
-        "ACME_blob": { "bufferView": secret, "pi": 3.14159265358979 },
+        "ACME_blob": { "bufferView": secret, "odd": 1.23456789012345 },
         "KHR_lights_punctual": { "lights": [{ "type": "point" }] },
     });
     b.json["extensionsUsed"] = json!(["ACME_tag", "ACME_blob", "KHR_lights_punctual"]);
@@ -82,7 +82,7 @@ fn everything_else_survives() {
         assert_eq!(new["nodes"][0]["extensions"]["ACME_tag"], json!({ "tag": [1, 2.5, "x"] }));
         assert_eq!(new["nodes"][0]["extras"]["luxel"]["static"], true);
         assert_eq!(new["nodes"][0]["extras"]["buffer"], 7);
-        assert_eq!(new["extensions"]["ACME_blob"]["pi"], 3.14159265358979);
+        assert_eq!(new["extensions"]["ACME_blob"]["odd"], 1.23456789012345);
         assert_eq!(new["extras"]["author"], "someone");
         assert_eq!(secret(&baked), b"secret bytes");
         let sampler = &new["animations"][0]["samplers"][0];
@@ -562,6 +562,50 @@ fn a_glb_gathers_all_buffers_and_pictures() {
         assert_eq!(apart.json["buffers"][1]["uri"], "out.buffer1.bin");
         assert!(apart.buffers[1].ends_with(b"secret bytes"));
         assert_eq!(apart.json["images"], source.json["images"]);
+    }
+}
+
+#[test]
+fn a_buffer_that_stands_in_for_compressed_data_stays_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut b = rich();
+    let packed = b.view(b"packed", json!({}));
+    let packed = b.json["bufferViews"].as_array_mut().unwrap().remove(packed);
+    b.push("buffers", json!({ "byteLength": 4, "uri": "more.bin" }));
+    let fallback = json!({ "byteLength": 64, "extensions": { "EXT_meshopt_compression": { "fallback": true } } });
+    b.push("buffers", fallback.clone());
+    let mut compressed = packed.clone();
+    let more = json!({ "mode": "ATTRIBUTES", "count": 4, "byteStride": 4 });
+    compressed.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+    let view = json!({
+        "buffer": 2, "byteOffset": 16, "byteLength": 16, "extensions": { "EXT_meshopt_compression": compressed },
+    });
+    let view = b.push("bufferViews", view);
+    let mut source = b.document(&folder.path().join("in.gltf"));
+    source.buffers.extend([b"more".to_vec(), Vec::new()]);
+    for (name, buffer) in [("out.glb", 1), ("out.gltf", 2)] {
+        let scene = scene(&source);
+        let atlas = atlas(&scene, Plan::Triangles);
+        let maps = lightmaps(&atlas, 1.0);
+        let out = folder.path().join(name);
+        write(&source, &scene, &atlas, &maps, &Report::default(), &options(), &out).unwrap();
+        let json = if name == "out.glb" {
+            load(&out).json
+        } else {
+            serde_json::from_slice(&std::fs::read(&out).unwrap()).unwrap()
+        };
+        assert_eq!(json["buffers"].as_array().unwrap().len(), buffer + 1);
+        assert_eq!(json["buffers"][buffer], fallback);
+        let view = &json["bufferViews"][view];
+        assert_eq!((&view["buffer"], &view["byteOffset"]), (&json!(buffer), &json!(16)));
+        let packed = &view["extensions"]["EXT_meshopt_compression"];
+        assert_eq!(packed["buffer"], 0);
+        let bytes = if name == "out.glb" {
+            load(&out).buffers[0].clone()
+        } else {
+            std::fs::read(folder.path().join("out.bin")).unwrap()
+        };
+        assert!(bytes[packed["byteOffset"].as_u64().unwrap() as usize..].starts_with(b"packed"));
     }
 }
 

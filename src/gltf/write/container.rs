@@ -29,7 +29,7 @@ pub fn write_glb(store: Store, files: Files, out: &Path) -> Result<()> {
 /// Writes the document as JSON, its buffers beside it, and names all files.
 pub fn write_gltf(store: Store, mut files: Files, out: &Path) -> Result<()> {
     let (mut json, buffers) = store.settle(false);
-    for (i, bytes) in buffers.iter().enumerate() {
+    for (i, bytes) in buffers.iter().enumerate().filter(|(_, bytes)| !bytes.is_empty()) {
         let suffix = if i == 0 { ".bin".into() } else { format!(".buffer{i}.bin") };
         let uri = files.add(&suffix, bytes)?;
         if let Some(entry) = json["buffers"][i].as_object_mut() {

@@ -85,7 +85,7 @@ impl<'a> Store<'a> {
 
     /// The finished JSON and its buffers, without the bytes that were freed; `one`: all in a single buffer.
     ///
-    /// `byteLength` is set; `uri` is taken away.
+    /// `byteLength` is set; `uri` is taken away. A buffer that only stands in for compressed data stays without bytes.
     pub fn settle(mut self, one: bool) -> (Value, Vec<Vec<u8>>) {
         close(
             &mut self.json,
@@ -95,15 +95,16 @@ impl<'a> Store<'a> {
         );
         let old = &self.document.buffers;
         let mut segments = Segments::of(&self.json, old);
-        let mut buffers = vec![Vec::new(); if one { 1 } else { old.len().max(1) }];
+        let homes = homes(old, one);
+        let mut buffers = vec![Vec::new(); homes.iter().max().map_or(1, |last| last + 1)];
         for s in &mut segments.0 {
-            let to = &mut buffers[if one { 0 } else { s.buffer }];
+            let to = &mut buffers[homes[s.buffer]];
             // Some extensions align to eight bytes: what was aligned stays so.
             to.resize(to.len() + (s.start + 8 - to.len() % 8) % 8, 0);
             s.to = to.len();
             to.extend_from_slice(&old[s.buffer][s.start..s.end]);
         }
-        segments.relocate(&mut self.json, one);
+        segments.relocate(&mut self.json, &homes);
         for (index, (mut view, bytes)) in std::mem::take(&mut self.fresh) {
             let to = &mut buffers[0];
             to.resize(to.len().next_multiple_of(4), 0);
@@ -119,17 +120,21 @@ impl<'a> Store<'a> {
             &self.free_views,
             || json!({ "name": UNUSED, "buffer": 0, "byteLength": 1 }),
         );
-        for to in &mut buffers {
-            if to.is_empty() && (needed || !old.is_empty()) {
+        // glTF knows no empty buffer.
+        for (i, to) in buffers.iter_mut().enumerate().filter(|(_, to)| to.is_empty()) {
+            let stands_in = i > 0 && old.iter().zip(&homes).all(|(bytes, home)| *home != i || bytes.is_empty());
+            if !stands_in && (needed || !old.is_empty()) {
                 to.resize(4, 0);
             }
         }
-        buffers.retain(|b| !b.is_empty());
-        self.describe(&buffers);
+        if buffers.iter().all(Vec::is_empty) {
+            buffers.clear();
+        }
+        self.describe(&buffers, &homes);
         (self.json, buffers)
     }
 
-    fn describe(&mut self, buffers: &[Vec<u8>]) {
+    fn describe(&mut self, buffers: &[Vec<u8>], homes: &[usize]) {
         let Some(root) = self.json.as_object_mut() else { return };
         if buffers.is_empty() {
             root.shift_remove("buffers");
@@ -137,8 +142,12 @@ impl<'a> Store<'a> {
         }
         let list = root.entry("buffers").or_insert_with(|| json!([]));
         if let Some(list) = list.as_array_mut() {
+            // Of buffers that became one, the first one's description stays.
+            let mut next = (0..).peekable();
+            let mut at = homes.iter().map(|&home| next.next_if(|n| *n == home).is_some());
+            list.retain(|_| at.next().unwrap_or(false));
             list.resize(buffers.len(), json!({}));
-            for (entry, bytes) in list.iter_mut().zip(buffers) {
+            for (entry, bytes) in list.iter_mut().zip(buffers).filter(|(_, bytes)| !bytes.is_empty()) {
                 if let Some(entry) = entry.as_object_mut() {
                     entry.shift_remove("uri");
                     entry.insert("byteLength".into(), bytes.len().into());
@@ -203,7 +212,9 @@ impl Segments {
     fn of(json: &Value, buffers: &[Vec<u8>]) -> Self {
         let mut found = Vec::new();
         visit(json, &mut |map| {
-            if let Some((buffer, start, length)) = range(map).filter(|r| r.0 < buffers.len()) {
+            if let Some((buffer, start, length)) =
+                range(map).filter(|r| buffers.get(r.0).is_some_and(|b| !b.is_empty()))
+            {
                 let len = buffers[buffer].len();
                 found.push((buffer, start.min(len), start.saturating_add(length).min(len)));
             }
@@ -219,20 +230,34 @@ impl Segments {
         Segments(merged)
     }
 
-    fn relocate(&self, json: &mut Value, one: bool) {
+    fn relocate(&self, json: &mut Value, homes: &[usize]) {
         visit_mut(json, &mut |map| {
             let Some((buffer, start, _)) = range(map) else { return };
+            if let Some(&home) = homes.get(buffer).filter(|home| **home != buffer) {
+                map.insert("buffer".into(), home.into());
+            }
             let after = self.0.partition_point(|s| (s.buffer, s.start) <= (buffer, start));
             let Some(s) = after.checked_sub(1).map(|i| &self.0[i]).filter(|s| s.buffer == buffer) else { return };
             let to = s.to + (start - s.start);
             if to != start {
                 map.insert("byteOffset".into(), to.into());
             }
-            if one && buffer != 0 {
-                map.insert("buffer".into(), 0.into());
-            }
         });
     }
+}
+
+/// The new index of each buffer; `one`: all that have bytes become the first.
+fn homes(buffers: &[Vec<u8>], one: bool) -> Vec<usize> {
+    let mut stand_ins = 0;
+    let home = |(i, bytes): (usize, &Vec<u8>)| match (one, i > 0 && bytes.is_empty()) {
+        (false, _) => i,
+        (true, false) => 0,
+        (true, true) => {
+            stand_ins += 1;
+            stand_ins
+        }
+    };
+    buffers.iter().enumerate().map(home).collect()
 }
 
 /// Buffer, offset and length that an object names: a buffer view or an extension's like.
