@@ -9,18 +9,20 @@ use crate::{
     atlas::Coverage,
     error::Result,
     math::{Point, PointTable, hash, luminance, unit_float},
-    patches::{Footprint, Patches, SurfacePoint},
+    patches::{Enclosure, Footprint, Patches, SurfacePoint},
     progress::{Observer, check},
     scene::Bake,
     trace::Tracer,
 };
-use glam::{IVec2, Vec2, Vec3};
+use glam::{IVec2, UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
 /// Texels that one task takes.
 const CHUNK: usize = 256;
 /// Points at which a closed form is averaged over the texel.
 const EXACT_POINTS: usize = 4;
+/// Blocks of points among which a partly enclosed texel looks for open ones.
+const BLOCKS: usize = 8;
 /// Relative standard error of a sampled cut that calls for more rays.
 const NOISE: f32 = 0.01;
 /// Difference of arriving shares between neighbours that calls for more rays.
@@ -59,7 +61,7 @@ pub(super) fn measure(
 ) -> Result<Direct> {
     let probes = (rays / 16).clamp(8, 64).min(rays) as usize;
     let all: Vec<u32> = (0..patches.len() as u32).collect();
-    let task = Task { tracer, coverage, patches, sources };
+    let task = Task { tracer, coverage, patches, sources, enclosure: Enclosure::new(tracer) };
     observer.begin("direct", all.len() as u64);
     let mut received = task.run(&all, &PointTable::new(probes, 0x6469_7265), observer)?;
     let again: Vec<u32> = (0..patches.len() as u32).filter(|&i| task.is_mixed(&received, i as usize)).collect();
@@ -83,6 +85,7 @@ struct Task<'a> {
     coverage: &'a Coverage,
     patches: &'a Patches,
     sources: &'a Sources<'a>,
+    enclosure: Enclosure<'a>,
 }
 
 impl Task<'_> {
@@ -123,11 +126,20 @@ impl Task<'_> {
         let (texel, back) = self.patches.texel(patch);
         let at = self.coverage.texels[texel].at;
         footprint.set(texel);
-        let points = table.block(at.x, at.y, 0);
         let on_surface = |u: Vec2| {
             let p = footprint.point(u);
             if back { p.reversed() } else { p }
         };
+        let open;
+        let points = if self.patches.validity[patch] < 1.0 {
+            open = self.open_points(table, at, &on_surface);
+            &open[..]
+        } else {
+            table.block(at.x, at.y, 0)
+        };
+        if points.is_empty() {
+            return Received::default();
+        }
         // Shifts of their own keep the table's period out of the picture.
         let key = hash(patch as u32, points.len() as u32);
         let shift = Vec2::new(unit_float(key), unit_float(hash(key, 1)));
@@ -172,11 +184,14 @@ impl Task<'_> {
             book(Tally { hits: tally.rays, ..tally }, &mut r);
         }
         r.share = if sent > 0.0 { arrived / sent } else { 0.0 };
-        let open = 1.0 / self.patches.validity[patch];
-        for group in [&mut r.lights, &mut r.hidden, &mut r.emitters, &mut r.sky_peaks] {
-            *group *= open;
-        }
         r
+    }
+
+    /// As many points as a block has, or all that few blocks give, that other geometry does not enclose.
+    fn open_points(&self, table: &PointTable, at: UVec2, on_surface: &impl Fn(Vec2) -> SurfacePoint) -> Vec<Point> {
+        let candidates = (0..BLOCKS).flat_map(|pass| table.block(at.x, at.y, pass));
+        let is_open = |p: &&Point| !self.enclosure.holds(&on_surface(p.place), at, Vec2::X);
+        candidates.filter(is_open).take(table.block(at.x, at.y, 0).len()).copied().collect()
     }
 
     /// Mean over the texel's points of what arrives from a source that is one ray a point.

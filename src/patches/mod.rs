@@ -3,8 +3,10 @@
 //! Fronts come first, in the order of [`Coverage`]; a back patch exists for each double-sided texel whose back a ray has
 //! met, so that no light seeps through a sheet.
 
+mod enclosed;
 mod footprint;
 
+pub use enclosed::Enclosure;
 pub use footprint::{Footprint, SurfacePoint};
 
 use crate::{

@@ -8,6 +8,7 @@
 mod rays;
 mod rows;
 
+pub use rays::rays_of_rows;
 pub use rows::{Row, Rows};
 
 use crate::{atlas::Coverage, error::Result, math::CELLS, patches::Patches, progress::Observer, trace::Tracer};

@@ -1,6 +1,6 @@
 //! Rows by rays: low-discrepancy points over the texel, cosine-distributed directions about the shading normal.
 //!
-//! A point that is enclosed by other geometry (every ray from it meets a back) leaves the row: a texel partly under a
+//! A point that is enclosed by other geometry ([`Enclosure`]) leaves the row: a texel partly under a
 //! box stands for its open part. A texel enclosed altogether keeps its row and is marked.
 
 use super::{
@@ -11,11 +11,11 @@ use crate::{
     atlas::Coverage,
     error::Result,
     math::{CELLS, Frame, Point, PointTable, cell_of, hash, unit_float},
-    patches::{Footprint, Patches, Seen, SurfacePoint, seen},
+    patches::{Enclosure, Footprint, Patches, Seen, SurfacePoint, seen},
     progress::{Observer, check},
     trace::Tracer,
 };
-use glam::{Vec2, Vec3};
+use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -30,8 +30,6 @@ const SKY: u32 = 1 << 31;
 
 /// Blocks of points that a partly buried texel may use up to reach its number of rays.
 const PASSES: usize = 4;
-/// Rays that decide whether a point is enclosed.
-const PROBES: usize = 8;
 /// Draws of a direction above the face before it is mirrored there.
 const DRAWS: usize = 16;
 
@@ -44,14 +42,7 @@ pub(super) fn measure(
     observer: &dyn Observer,
 ) -> Result<Measured> {
     let texels = patches.fronts;
-    let shooter = Shooter {
-        tracer,
-        coverage,
-        rays: rays as usize,
-        table: PointTable::new(rays as usize, 0x7261_7973),
-        probes: PointTable::new(PROBES, 0x7072_6f62),
-        met: (0..texels.div_ceil(64)).map(|_| AtomicU64::new(0)).collect(),
-    };
+    let shooter = Shooter::new(tracer, coverage, rays);
     let mut wave: Vec<u32> = (0..texels as u32).collect();
     let (mut back, mut backs) = (false, Vec::new());
     let mut rows = Vec::with_capacity(texels);
@@ -83,12 +74,28 @@ pub(super) fn measure(
     Ok(Measured { rows: Rows::new(blocks), stats })
 }
 
+/// The rays of the fronts' rows as origin, direction and key: what [`measure`] shoots first, for benchmarks.
+pub fn rays_of_rows(tracer: &Tracer, coverage: &Coverage, rays: u32) -> Vec<(Vec3, Vec3, u32)> {
+    let shooter = Shooter::new(tracer, coverage, rays);
+    let mut footprint = Footprint::new(&tracer.world, coverage);
+    let mut out = Vec::new();
+    for texel in 0..coverage.texels.len() as u32 {
+        footprint.set(texel as usize);
+        let from = shooter.from(texel, false);
+        for (k, point) in shooter.table.block(from.at.x, from.at.y, 0).iter().enumerate() {
+            let shot = shooter.shot(&footprint, &from, 0, k, point);
+            out.push((shot.origin, shot.direction, shot.key));
+        }
+    }
+    out
+}
+
 struct Shooter<'a> {
     tracer: &'a Tracer<'a>,
     coverage: &'a Coverage,
     rays: usize,
     table: PointTable,
-    probes: PointTable,
+    enclosure: Enclosure<'a>,
     /// One bit a texel: a ray has met its back.
     met: Vec<AtomicU64>,
 }
@@ -103,13 +110,57 @@ struct Outcome {
     lost: u32,
 }
 
+/// The side of a texel that shoots.
+struct From {
+    at: UVec2,
+    back: bool,
+    key: u32,
+    /// Cosine and sine of the angle by which its directions are turned.
+    turn: Vec2,
+}
+
+/// A ray.
+struct Shot {
+    point: SurfacePoint,
+    origin: Vec3,
+    direction: Vec3,
+    key: u32,
+}
+
 /// A ray's end before it is known whether its point is enclosed.
 struct Behind {
     point: SurfacePoint,
     seen: Seen,
 }
 
-impl Shooter<'_> {
+impl<'a> Shooter<'a> {
+    fn new(tracer: &'a Tracer<'a>, coverage: &'a Coverage, rays: u32) -> Self {
+        Shooter {
+            tracer,
+            coverage,
+            rays: rays as usize,
+            table: PointTable::new(rays as usize, 0x7261_7973),
+            enclosure: Enclosure::new(tracer),
+            met: (0..coverage.texels.len().div_ceil(64)).map(|_| AtomicU64::new(0)).collect(),
+        }
+    }
+
+    fn from(&self, texel: u32, back: bool) -> From {
+        let key = hash(texel, u32::from(back));
+        let angle = std::f32::consts::TAU * unit_float(hash(key, 0x7475_726e));
+        let turn = Vec2::new(libm::cosf(angle), libm::sinf(angle));
+        From { at: self.coverage.texels[texel as usize].at, back, key, turn }
+    }
+
+    #[inline]
+    fn shot(&self, footprint: &Footprint, from: &From, pass: usize, k: usize, point: &Point) -> Shot {
+        let p = footprint.point(point.place);
+        let p = if from.back { p.reversed() } else { p };
+        let direction = self.direction(&p, point, from, (pass, k));
+        let origin = p.position + p.face * self.tracer.offset();
+        Shot { point: p, origin, direction, key: hash(from.key, (pass * self.rays + k) as u32) }
+    }
+
     fn block(&self, texels: &[u32], back: bool, observer: &dyn Observer) -> (Block, Vec<Outcome>) {
         let mut block = Block::with_capacity(texels.len() * self.rays);
         if observer.cancelled() {
@@ -141,39 +192,34 @@ impl Shooter<'_> {
         columns: &mut Vec<u32>,
         behind: &mut Vec<Behind>,
     ) -> (Outcome, f32) {
-        let at = self.coverage.texels[texel as usize].at;
-        let key = hash(texel, u32::from(back));
-        let turn = turn(key);
+        let from = self.from(texel, back);
         let mut o = Outcome { validity: 1.0, ..Outcome::default() };
         let mut valid = 0;
         for pass in 0..PASSES {
             behind.clear();
-            for (k, point) in self.table.block(at.x, at.y, pass).iter().enumerate().take(self.rays - valid) {
-                let p = footprint.point(point.place);
-                let p = if back { p.reversed() } else { p };
-                let d = self.direction(&p, point, (at.x, at.y, pass, k), turn);
+            for (k, point) in self.table.block(from.at.x, from.at.y, pass).iter().enumerate().take(self.rays - valid) {
+                let shot = self.shot(footprint, &from, pass, k, point);
                 o.traced += 1;
-                let origin = p.position + p.face * self.tracer.offset();
-                match self.tracer.closest(origin, d, hash(key, (pass * self.rays + k) as u32)) {
+                match self.tracer.closest(shot.origin, shot.direction, shot.key) {
                     None => {
                         o.escaped += 1;
-                        columns.push(SKY | cell_of(d));
+                        columns.push(SKY | cell_of(shot.direction));
                         valid += 1;
                     }
                     Some(hit) => {
                         let seen = seen(&self.tracer.world, self.coverage, &hit);
-                        if hit.front {
+                        if self.enclosure.may_enclose(&hit) {
+                            behind.push(Behind { point: shot.point, seen });
+                        } else {
                             self.end(seen, columns, &mut o);
                             valid += 1;
-                        } else {
-                            behind.push(Behind { point: p, seen });
                         }
                     }
                 }
             }
             let enclosed_all = pass == 0 && behind.len() == self.rays;
             for b in behind.drain(..) {
-                if enclosed_all || !self.enclosed(&b.point, (at.x, at.y), turn) {
+                if enclosed_all || !self.enclosure.holds(&b.point, from.at, from.turn) {
                     self.end(b.seen, columns, &mut o);
                     valid += 1;
                 }
@@ -204,27 +250,18 @@ impl Shooter<'_> {
 
     /// A direction about the shading normal, drawn again while it lies below the face.
     #[inline]
-    fn direction(&self, p: &SurfacePoint, point: &Point, at: (u32, u32, usize, usize), turn: Vec2) -> Vec3 {
-        let frame = Frame::around(p.normal, turn);
+    fn direction(&self, p: &SurfacePoint, point: &Point, from: &From, (pass, k): (usize, usize)) -> Vec3 {
+        let frame = Frame::around(p.normal, from.turn);
         let d = frame.to_world(point.direction);
         if p.normal == p.face || d.dot(p.face) > 0.0 {
             return d;
         }
-        let (x, y, pass, k) = at;
+        let again =
+            |draw: usize| self.table.block(from.at.x, from.at.y, pass + draw)[(k + draw * 7) % self.rays].direction;
         (1..DRAWS)
-            .map(|draw| frame.to_world(self.table.block(x, y, pass + draw)[(k + draw * 7) % self.rays].direction))
+            .map(|draw| frame.to_world(again(draw)))
             .find(|d| d.dot(p.face) > 0.0)
             .unwrap_or(d - 2.0 * d.dot(p.face) * p.face)
-    }
-
-    /// True if every probe from the point meets a back: it lies inside other geometry.
-    fn enclosed(&self, p: &SurfacePoint, at: (u32, u32), turn: Vec2) -> bool {
-        let frame = Frame::around(p.face, turn);
-        let origin = p.position + p.face * self.tracer.offset();
-        self.probes.block(at.0, at.1, 0).iter().enumerate().all(|(k, probe)| {
-            let hit = self.tracer.closest(origin, frame.to_world(probe.direction), k as u32);
-            hit.is_some_and(|h| !h.front)
-        })
     }
 
     /// Texels whose backs were met and are not in `known`, ascending.
@@ -236,12 +273,6 @@ impl Shooter<'_> {
         });
         bits.filter(|t| !known.contains(t)).collect()
     }
-}
-
-/// The angle by which a texel turns its directions, as cosine and sine.
-fn turn(key: u32) -> Vec2 {
-    let angle = std::f32::consts::TAU * unit_float(hash(key, 0x7475_726e));
-    Vec2::new(libm::cosf(angle), libm::sinf(angle))
 }
 
 /// Gives backs and cells of the sky their columns: fronts, backs in order, then the sky.
