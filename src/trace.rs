@@ -158,7 +158,8 @@ impl Shear {
     #[inline(always)]
     fn corner(&self, p: Vec3) -> [f32; 3] {
         let p = p.to_array();
-        let [x, y, z] = [0, 1, 2].map(|k| p[self.axes[k]] - self.origin[k]);
+        let at = |k: usize| p[self.axes[k]] - self.origin[k];
+        let (x, y, z) = (at(0), at(1), at(2));
         [x - self.slope[0] * z, y - self.slope[1] * z, self.slope[2] * z]
     }
 
@@ -173,7 +174,8 @@ impl Shear {
     /// Distance along the ray, infinite if it passes by.
     #[inline(always)]
     fn distance(&self, corners: &[Vec3; 3]) -> f32 {
-        let c = corners.map(|p| self.corner(p));
+        // Written out: `map` over an array is not inlined here, and this is the innermost loop.
+        let c = [self.corner(corners[0]), self.corner(corners[1]), self.corner(corners[2])];
         let [u, v, w] = Self::edges(&c);
         if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
             return f32::INFINITY;
@@ -362,7 +364,7 @@ mod tests {
         scene.instances[0].transform = DAffine3::from_scale(glam::DVec3::new(-1.0, 2.0, 0.5));
         let tracer = Tracer::new(World::new(&scene));
         for k in 0..100 {
-            let frame = Frame::around(direction(k), Vec2::X);
+            let frame = Frame::around(direction(k));
             let hit = tracer.closest(Vec3::ZERO, frame.to_world(Vec3::Z), 0).expect("the room is closed");
             assert!(hit.front);
         }

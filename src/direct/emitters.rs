@@ -325,7 +325,15 @@ mod tests {
     use super::*;
 
     fn point(face: Vec3, normal: Vec3) -> SurfacePoint {
-        SurfacePoint { position: Vec3::ZERO, face, normal, triangle: 0, bary: Vec2::ZERO, offset: 0.0 }
+        SurfacePoint {
+            position: Vec3::ZERO,
+            face,
+            normal,
+            frame: crate::math::Frame::around(normal),
+            triangle: 0,
+            bary: Vec2::ZERO,
+            offset: 0.0,
+        }
     }
 
     #[test]

@@ -190,7 +190,8 @@ impl Task<'_> {
     /// As many points as a block has, or all that few blocks give, that other geometry does not enclose.
     fn open_points(&self, table: &PointTable, at: UVec2, on_surface: &impl Fn(Vec2) -> SurfacePoint) -> Vec<Point> {
         let candidates = (0..BLOCKS).flat_map(|pass| table.block(at.x, at.y, pass));
-        let is_open = |p: &&Point| !self.enclosure.holds(&on_surface(p.place), at, Vec2::X);
+        let mut enclosed = 0;
+        let is_open = |p: &&Point| !self.enclosure.holds(&on_surface(p.place), at, Vec2::X, &mut enclosed);
         candidates.filter(is_open).take(table.block(at.x, at.y, 0).len()).copied().collect()
     }
 

@@ -56,7 +56,7 @@ pub(super) fn aim(light: &Light, p: &SurfacePoint, u: Vec2) -> Option<Aim> {
     }
     // The ball looks like a disc across the line of sight.
     let disc = square_to_disc(u) * radius;
-    let target = light.position + Frame::around(to_light, Vec2::X).to_world(disc.extend(0.0));
+    let target = light.position + Frame::around(to_light).to_world(disc.extend(0.0));
     let (direction, distance) = towards(target, p.position)?;
     (direction.dot(p.face) > 0.0).then_some(Aim { direction, distance, irradiance })
 }
@@ -78,5 +78,5 @@ fn in_disc(center: Vec3, angle: f32, u: Vec2) -> Vec3 {
     let sin = libm::sinf(angle * 0.5);
     let d = cosine_hemisphere(u);
     let (x, y) = (d.x * sin, d.y * sin);
-    Frame::around(center, Vec2::X).to_world(Vec3::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt()))
+    Frame::around(center).to_world(Vec3::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt()))
 }

@@ -12,15 +12,19 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// The frame around unit vector `z` (Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 2017), turned
-    /// about it by the angle whose cosine and sine are `turn`.
-    pub fn around(z: Vec3, turn: Vec2) -> Self {
+    /// The frame around unit vector `z` (Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 2017).
+    pub fn around(z: Vec3) -> Self {
         let sign = 1f32.copysign(z.z);
         let a = -1.0 / (sign + z.z);
         let b = z.x * z.y * a;
         let x = Vec3::new(1.0 + sign * z.x * z.x * a, sign * b, -sign * z.x);
         let y = Vec3::new(b, sign + z.y * z.y * a, -z.y);
-        Frame { x: x * turn.x + y * turn.y, y: y * turn.x - x * turn.y, z }
+        Frame { x, y, z }
+    }
+
+    /// The frame on the other side of the surface.
+    pub fn reversed(&self) -> Self {
+        Frame { x: self.y, y: self.x, z: -self.z }
     }
 
     /// A vector given in this frame, in world axes.
@@ -55,8 +59,7 @@ mod tests {
         for i in 0..200u32 {
             let f = |k| crate::math::unit_float(crate::math::hash(i, k)) * 2.0 - 1.0;
             let z = Vec3::new(f(0), f(1), f(2)).normalize();
-            let angle = f(3) * 3.0;
-            let frame = Frame::around(z, Vec2::new(libm::cosf(angle), libm::sinf(angle)));
+            let frame = if i % 2 == 0 { Frame::around(z) } else { Frame::around(-z).reversed() };
             let (x, y) = (frame.to_world(Vec3::X), frame.to_world(Vec3::Y));
             assert!((x.cross(y) - z).length() < 1e-5 && (x.length() - 1.0).abs() < 1e-5, "{z}");
         }

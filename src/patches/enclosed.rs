@@ -5,10 +5,14 @@ use crate::{
     math::{Frame, PointTable},
     trace::{Hit, Tracer},
 };
-use glam::{UVec2, Vec2};
+use glam::{UVec2, Vec2, Vec3};
 
-/// Rays that decide, at most: the first that sees anything else settles it.
+/// Rays that decide, at most: the first that sees anything else settles it. Where most of the view is backs of sheets,
+/// few would mistake it for an enclosure.
 const PROBES: usize = 32;
+/// Points of a texel that must be found enclosed by all probes before [`FEW`] are trusted for the others.
+const TRUST: usize = 4;
+const FEW: usize = 3;
 
 /// Looks around points. A point is enclosed if all it sees are backs, single-sided or not, that do not shine.
 pub struct Enclosure<'a> {
@@ -28,12 +32,17 @@ impl<'a> Enclosure<'a> {
         !hit.front && !self.tracer.world.material(hit.triangle).emits()
     }
 
-    /// True if every probe from `p`, a point of the texel `at`, ends on a back. `turn` turns them about the normal.
-    pub fn holds(&self, p: &SurfacePoint, at: UVec2, turn: Vec2) -> bool {
-        let frame = Frame::around(p.face, turn);
-        self.probes.block(at.x, at.y, 0).iter().enumerate().all(|(k, probe)| {
-            let hit = self.tracer.closest(p.lifted(), frame.to_world(probe.direction), k as u32);
+    /// True if the probes from `p`, a point of the texel `at`, end on backs. `turn` turns them about the normal; `found`
+    /// counts the points of this texel that were found enclosed.
+    pub fn holds(&self, p: &SurfacePoint, at: UVec2, turn: Vec2, found: &mut usize) -> bool {
+        let frame = Frame::around(p.face);
+        let turned = |d: Vec3| frame.to_world(turn.rotate(d.truncate()).extend(d.z));
+        let probes = if *found < TRUST { PROBES } else { FEW };
+        let enclosed = self.probes.block(at.x, at.y, *found).iter().take(probes).enumerate().all(|(k, probe)| {
+            let hit = self.tracer.closest(p.lifted(), turned(probe.direction), k as u32);
             hit.is_some_and(|h| self.may_enclose(&h))
-        })
+        });
+        *found += usize::from(enclosed);
+        enclosed
     }
 }

@@ -1,6 +1,11 @@
 //! [`Footprint`]: points spread evenly over the surface inside a texel.
 
-use crate::{atlas::Coverage, math::Polygon, scene::World, trace::rounding};
+use crate::{
+    atlas::Coverage,
+    math::{Frame, Polygon},
+    scene::World,
+    trace::rounding,
+};
 use glam::{DVec2, Vec2, Vec3};
 
 /// The surface inside one texel, cut into cells that are affine images of the unit square or its lower half.
@@ -28,6 +33,7 @@ struct Face {
     triangle: u32,
     local: u32,
     normal: Vec3,
+    frame: Frame,
     smooth: bool,
     offset: f32,
 }
@@ -41,6 +47,8 @@ pub struct SurfacePoint {
     pub face: Vec3,
     /// Unit shading normal: the interpolated vertex normal where there is one.
     pub normal: Vec3,
+    /// Axes around `normal`.
+    pub frame: Frame,
     /// Global triangle.
     pub triangle: u32,
     /// Barycentrics (1 - x - y, x, y).
@@ -52,7 +60,7 @@ pub struct SurfacePoint {
 impl SurfacePoint {
     /// The same point on the back of the surface.
     pub fn reversed(self) -> Self {
-        SurfacePoint { face: -self.face, normal: -self.normal, ..self }
+        SurfacePoint { face: -self.face, normal: -self.normal, frame: self.frame.reversed(), ..self }
     }
 
     /// Where rays from here start: just above the face.
@@ -84,8 +92,8 @@ impl<'w> Footprint<'w> {
             let corners = world.corners(instance, local);
             let normal = world.cross(instance, &corners).normalize_or_zero();
             let smooth = world.is_smooth(instance, local, normal);
-            let offset = rounding(&corners);
-            self.faces.push(Face { instance, triangle: fragment.triangle, local, normal, smooth, offset });
+            let (frame, offset) = (Frame::around(normal), rounding(&corners));
+            self.faces.push(Face { instance, triangle: fragment.triangle, local, normal, frame, smooth, offset });
             let uv = coverage.charted[fragment.triangle as usize].exact();
             sum = self.cut(corners, uv, at, fragment.area, sum);
         }
@@ -122,14 +130,17 @@ impl<'w> Footprint<'w> {
         let f = if cell.square { u } else { square_to_triangle(u) };
         let face = &self.faces[cell.face as usize];
         let bary = (cell.bary[0] + cell.bary[1] * f.x + cell.bary[2] * f.y).max(Vec2::ZERO);
+        let (normal, frame) = if face.smooth {
+            let normal = self.world.normal(face.instance, face.local, bary, face.normal);
+            (normal, Frame::around(normal))
+        } else {
+            (face.normal, face.frame)
+        };
         SurfacePoint {
             position: cell.position[0] + cell.position[1] * f.x + cell.position[2] * f.y,
             face: face.normal,
-            normal: if face.smooth {
-                self.world.normal(face.instance, face.local, bary, face.normal)
-            } else {
-                face.normal
-            },
+            normal,
+            frame,
             triangle: face.triangle,
             bary,
             offset: face.offset,

@@ -10,7 +10,7 @@ use super::{
 use crate::{
     atlas::Coverage,
     error::Result,
-    math::{CELLS, Frame, Point, PointTable, cell_of, hash, unit_float},
+    math::{CELLS, Point, PointTable, cell_of, hash, unit_float},
     patches::{Enclosure, Footprint, Patches, Seen, SurfacePoint, seen},
     progress::{Observer, check},
     trace::Tracer,
@@ -30,6 +30,8 @@ const SKY: u32 = 1 << 31;
 
 /// Blocks of points that a partly buried texel may use up to reach its number of rays.
 const PASSES: usize = 4;
+/// Open points that meet backs before the others are taken for open, too.
+const TRUST: usize = 8;
 /// Draws of a direction above the face before it is mirrored there.
 const DRAWS: usize = 16;
 
@@ -195,7 +197,7 @@ impl<'a> Shooter<'a> {
     ) -> (Outcome, f32) {
         let from = self.from(texel, back);
         let mut o = Outcome { validity: 1.0, ..Outcome::default() };
-        let mut valid = 0;
+        let (mut valid, mut enclosed, mut open) = (0, 0, 0);
         for pass in 0..PASSES {
             behind.clear();
             for (k, point) in self.table.block(from.at.x, from.at.y, pass).iter().enumerate().take(self.rays - valid) {
@@ -220,9 +222,12 @@ impl<'a> Shooter<'a> {
             }
             let enclosed_all = pass == 0 && behind.len() == self.rays;
             for b in behind.drain(..) {
-                if enclosed_all || !self.enclosure.holds(&b.point, from.at, from.turn) {
+                // Where backs are those of sheets, the first few points say so; a box hides nearly all that meet backs.
+                let sheets = enclosed == 0 && open >= TRUST;
+                if enclosed_all || sheets || !self.enclosure.holds(&b.point, from.at, from.turn, &mut enclosed) {
                     self.end(b.seen, columns, &mut o);
                     valid += 1;
+                    open += 1;
                 }
             }
             if pass == 0 {
@@ -252,15 +257,15 @@ impl<'a> Shooter<'a> {
     /// A direction about the shading normal, drawn again while it lies below the face.
     #[inline]
     fn direction(&self, p: &SurfacePoint, point: &Point, from: &From, (pass, k): (usize, usize)) -> Vec3 {
-        let frame = Frame::around(p.normal, from.turn);
-        let d = frame.to_world(point.direction);
+        let turned = |d: Vec3| p.frame.to_world(from.turn.rotate(d.truncate()).extend(d.z));
+        let d = turned(point.direction);
         if p.normal == p.face || d.dot(p.face) > 0.0 {
             return d;
         }
         let again =
             |draw: usize| self.table.block(from.at.x, from.at.y, pass + draw)[(k + draw * 7) % self.rays].direction;
         (1..DRAWS)
-            .map(|draw| frame.to_world(again(draw)))
+            .map(|draw| turned(again(draw)))
             .find(|d| d.dot(p.face) > 0.0)
             .unwrap_or(d - 2.0 * d.dot(p.face) * p.face)
     }
