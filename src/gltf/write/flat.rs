@@ -23,7 +23,7 @@ use std::path::Path;
 
 /// Writes the lit instances with `pages` of radiance (rho E / pi + L, rows from the top) times `exposure` as sRGB.
 ///
-/// One page for each visible page of the atlas. Returns what the user should know, one sentence each.
+/// One page for each visible page of the atlas. Returns notes, one sentence each.
 pub fn write_flat(
     document: &Document,
     scene: &Scene,
@@ -32,13 +32,7 @@ pub fn write_flat(
     exposure: f32,
     path: &Path,
 ) -> Result<Vec<String>> {
-    let source = Document {
-        path: path.into(),
-        json: head(pages.len()),
-        buffers: Vec::new(),
-        is_glb: true,
-        external: Vec::new(),
-    };
+    let source = Document { path: path.into(), json: head(pages.len()), buffers: Vec::new(), external: Vec::new() };
     let mut store = Store::new(&source);
     for (size, radiance) in pages {
         let texel = |v: &Vec3| (*v * exposure).to_array().map(|c| (math::linear_to_srgb(c) * 255.0 + 0.5) as u8);
