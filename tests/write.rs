@@ -363,7 +363,7 @@ fn a_gltf_has_its_files_beside_it() {
     b.shown(json!([square]));
     b.json["buffers"][0]["uri"] = "scene.bin".into();
     std::fs::create_dir(from.path().join("maps")).unwrap();
-    let png = luxel::pixels::png::encode(UVec2::ONE, &[[255; 3]]).unwrap();
+    let png = luxel::pixels::encode_png(UVec2::ONE, &[[255; 3]]).unwrap();
     std::fs::write(from.path().join("maps/a b.png"), &png).unwrap();
     std::fs::write(from.path().join("scene.bin"), &b.buffer).unwrap();
     let source = b.document(&from.path().join("scene.gltf"));

@@ -13,7 +13,7 @@ use luxel::{
     atlas,
     bake::{self, Baked, Options},
     error::{Error, Result},
-    files, gltf, lightmaps, memory, progress,
+    files, gltf, lightmaps, memory, preview, progress,
     report::Report,
     scene::{Camera, Scene},
 };
@@ -126,7 +126,7 @@ fn write<'a>(
     outputs: &'a Outputs,
 ) -> Result<Written<'a>> {
     let picture = outputs.preview.as_deref().map(|file| (file, pictures::preview(scene, baked, camera)));
-    let flat = outputs.flat.as_deref().map(|file| (file, pictures::flat(baked)));
+    let flat = outputs.flat.as_deref().map(|file| (file, preview::flat(baked)));
     progress::check(&Progress::new(true))?;
     signals::begin_writing();
     let Baked { atlas, lightmaps, report, .. } = baked;

@@ -1,13 +1,12 @@
 //! Filling what a bilinear look-up may touch beyond a chart: never over a texel that has a value.
 
-use super::Map;
 use crate::atlas::PADDING;
-use glam::{IVec2, Vec3};
+use glam::{IVec2, UVec2, Vec3};
 
-/// Grows values into `empty` texels, as far as the padding reaches; each new one is the mean of its neighbours with
+/// Grows `values` into `empty` texels, as far as the padding reaches; each new one is the mean of its neighbours with
 /// values, those across an edge counting twice those across a corner.
-pub(super) fn gutters(map: &mut Map, empty: &[bool]) {
-    let (w, h) = (map.size.x as i32, map.size.y as i32);
+pub(crate) fn gutters(size: UVec2, values: &mut [Vec3], empty: &[bool]) {
+    let (w, h) = (size.x as i32, size.y as i32);
     let mut filled: Vec<bool> = empty.iter().map(|e| !e).collect();
     let mut front: Vec<usize> = (0..filled.len()).filter(|&i| filled[i]).collect();
     for _ in 0..PADDING {
@@ -15,19 +14,19 @@ pub(super) fn gutters(map: &mut Map, empty: &[bool]) {
             front.iter().flat_map(|&i| around(i, w, h).map(|(n, _)| n)).filter(|&n| !filled[n]).collect();
         reached.sort_unstable();
         reached.dedup();
-        let values: Vec<Vec3> = reached.iter().map(|&i| mean(map, &filled, i, w, h)).collect();
-        for (&i, v) in reached.iter().zip(values) {
-            map.irradiance[i] = v;
+        let means: Vec<Vec3> = reached.iter().map(|&i| mean(values, &filled, i, w, h)).collect();
+        for (&i, v) in reached.iter().zip(means) {
+            values[i] = v;
             filled[i] = true;
         }
         front = reached;
     }
 }
 
-fn mean(map: &Map, filled: &[bool], i: usize, w: i32, h: i32) -> Vec3 {
+fn mean(values: &[Vec3], filled: &[bool], i: usize, w: i32, h: i32) -> Vec3 {
     let (sum, weight) = around(i, w, h)
         .filter(|&(n, _)| filled[n])
-        .fold((Vec3::ZERO, 0.0), |(s, t), (n, k)| (s + map.irradiance[n] * k, t + k));
+        .fold((Vec3::ZERO, 0.0), |(s, t), (n, k)| (s + values[n] * k, t + k));
     sum / weight
 }
 
@@ -39,4 +38,18 @@ fn around(i: usize, w: i32, h: i32) -> impl Iterator<Item = (usize, f32)> {
         .map(move |d| (at + d, if d.x == 0 || d.y == 0 { 2.0 } else { 1.0 }))
         .filter(move |(p, _)| p.x >= 0 && p.y >= 0 && p.x < w && p.y < h)
         .map(move |(p, k)| ((p.y * w + p.x) as usize, k))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gutters_take_the_mean_of_their_neighbours() {
+        let (one, three) = (Vec3::ONE, Vec3::splat(3.0));
+        let mut values = [one, Vec3::ZERO, three, Vec3::ZERO];
+        gutters(UVec2::new(2, 2), &mut values, &[false, true, false, true]);
+        let weighted = |edge: Vec3, corner: Vec3| (2.0 * edge + corner) / 3.0;
+        assert_eq!(values, [one, weighted(one, three), three, weighted(three, one)]);
+    }
 }

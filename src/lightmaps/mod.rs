@@ -4,6 +4,7 @@
 //! filled from its neighbours. Gutters are filled into empty texels only: a valid black stays black.
 
 mod fill;
+pub(crate) use fill::gutters;
 mod seams;
 
 pub use seams::jump_across_seams;
@@ -93,7 +94,7 @@ impl Lightmaps {
                     None => (map.irradiance[pixel], empty[pixel]) = (value(t), false),
                 }
             }
-            fill::gutters(&mut map, &empty);
+            gutters(map.size, &mut map.irradiance, &empty);
             maps.pages.push(map);
         }
         maps
