@@ -9,7 +9,7 @@ use std::{
 /// Writes the file `path` by `fill`; nothing changes on disk if anything fails.
 pub fn write_whole(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     let attempt = || {
-        let mut out = BufWriter::new(beside(path)?);
+        let mut out = BufWriter::new(temporary(path)?);
         fill(&mut out)?;
         let file = out.into_inner().map_err(io::IntoInnerError::into_error)?;
         file.persist(path).map_err(|e| e.error)
@@ -19,10 +19,11 @@ pub fn write_whole(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<
 
 /// Finds out whether a file can be made beside `path`, before anything takes long.
 pub fn probe(path: &Path) -> Result<()> {
-    beside(path).map(drop).map_err(|e| Error::writing(path, e))
+    temporary(path).map(drop).map_err(|e| Error::writing(path, e))
 }
 
-fn beside(path: &Path) -> io::Result<tempfile::NamedTempFile> {
+/// A file without a name, in the folder of `path` to be.
+pub(crate) fn temporary(path: &Path) -> io::Result<tempfile::NamedTempFile> {
     let folder = match path.parent() {
         Some(p) if !p.as_os_str().is_empty() => p,
         _ => Path::new("."),

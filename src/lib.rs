@@ -33,6 +33,6 @@ pub mod lightmaps;
 
 pub mod gltf;
 
-pub mod preview;
-
 pub mod bake;
+
+pub mod preview;

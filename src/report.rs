@@ -48,6 +48,8 @@ pub struct Report {
     pub peak_memory_mb: u64,
     /// Everything the user should know, one sentence each.
     pub warnings: Vec<String>,
+    /// What was done on the way and is as it should be, one sentence each.
+    pub notes: Vec<String>,
 }
 
 /// Sizes of the scene.

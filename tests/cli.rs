@@ -37,6 +37,11 @@ fn help_and_version_are_results() {
 fn wrong_usage_is_code_2() {
     let folder = Folder::new();
     std::fs::create_dir(folder.path("folder.glb")).unwrap();
+    let mut linked: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.path("room.gltf")).unwrap()).unwrap();
+    linked["images"] = serde_json::json!([{ "uri": "texture.png" }, { "uri": "room.bin" }]);
+    std::fs::write(folder.path("linked.gltf"), linked.to_string()).unwrap();
+    std::fs::write(folder.path("texture.png"), "").unwrap();
     for arguments in [
         "boil room.gltf",
         "bake room.gltf --bounces 3",
@@ -58,13 +63,19 @@ fn wrong_usage_is_code_2() {
         "bake room.gltf --preview a.png --report a.png",
         "bake room.gltf -o a.glb --flat ./a.glb",
         "bake room.gltf --report room.gltf",
+        "bake room.gltf -o a.gltf --report a.bin",
+        "bake room.gltf -o a.gltf --report ./a.page0.exr",
+        "bake room.gltf -o a.glb --sidecar --report a.lightmap.json",
+        "bake room.gltf --resolution 8",
+        "bake linked.gltf --preview texture.png",
+        "bake linked.gltf --report room.bin",
         "bake room.gltf --flat a.png",
     ] {
         let said = folder.luxel(arguments);
         assert_eq!((said.code, said.out.as_str()), (2, ""), "{arguments}: {}", said.err);
         assert!(said.err.starts_with("error: "), "{arguments}: {}", said.err);
     }
-    assert_eq!(folder.files(), ["folder.glb", "room.gltf"]);
+    assert_eq!(folder.files(), ["folder.glb", "linked.gltf", "room.gltf", "texture.png"]);
 }
 
 #[cfg(not(feature = "xatlas"))]

@@ -3,6 +3,7 @@
 mod program;
 
 use program::Folder;
+use serde_json::{Value, json};
 
 const QUICK: &str = "--resolution 32 --rays 16";
 
@@ -43,7 +44,7 @@ fn the_report_is_json_and_alone_on_stdout() {
     let folder = Folder::new();
     let said = folder.luxel(&format!("bake room.gltf -o a.glb {QUICK} --report - --quiet"));
     assert_eq!((said.code, said.err.as_str()), (0, ""));
-    let report: serde_json::Value = serde_json::from_str(&said.out).unwrap();
+    let report: Value = serde_json::from_str(&said.out).unwrap();
     assert_eq!(report["schema"], luxel::report::SCHEMA);
     assert!(report["texels"].as_u64().unwrap() > 0);
 }
@@ -91,9 +92,129 @@ fn a_closed_pipe_does_not_spoil_a_bake() {
 #[test]
 fn an_interrupted_bake_writes_nothing() {
     let folder = Folder::new();
-    let mut child = folder.command("bake room.gltf --resolution 256 --rays 4096 --quiet").spawn().unwrap();
-    std::thread::sleep(std::time::Duration::from_millis(800));
+    let mut command = folder.command("bake room.gltf --resolution 256 --rays 4096");
+    let mut child = command.stderr(std::process::Stdio::piped()).spawn().unwrap();
+    let mut lines = std::io::BufRead::lines(std::io::BufReader::new(child.stderr.take().unwrap()));
+    assert!(lines.any(|line| line.unwrap().starts_with("transport")));
     std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(130));
     assert_eq!(folder.files(), ["room.gltf"]);
+}
+
+/// Writes the room as `odd.gltf`, changed by `edit`.
+fn odd(folder: &Folder, edit: impl FnOnce(&mut Value)) {
+    let mut json = serde_json::from_slice(&std::fs::read(folder.path("room.gltf")).unwrap()).unwrap();
+    edit(&mut json);
+    std::fs::write(folder.path("odd.gltf"), json.to_string()).unwrap();
+}
+
+/// One more accessor of the room; its index.
+fn accessor(json: &mut Value, bytes: &[u8], component: u32, count: usize, kind: &str) -> usize {
+    let data: String = bytes.iter().map(|b| format!("%{b:02x}")).collect();
+    let push = |list: &mut Value, entry: Value| {
+        let list = list.as_array_mut().unwrap();
+        list.push(entry);
+        list.len() - 1
+    };
+    let buffer = push(&mut json["buffers"], json!({ "uri": format!("data:,{data}"), "byteLength": bytes.len() }));
+    let view = push(&mut json["bufferViews"], json!({ "buffer": buffer, "byteLength": bytes.len() }));
+    let entry = json!({ "bufferView": view, "componentType": component, "count": count, "type": kind });
+    push(&mut json["accessors"], entry)
+}
+
+fn floats(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|x| x.to_le_bytes()).collect()
+}
+
+#[test]
+fn triangles_without_area_are_left_out() {
+    let folder = Folder::new();
+    odd(&folder, |json| {
+        let indices: Vec<u8> = [0u16, 1, 1, 0, 1, 2, 0, 2, 3].iter().flat_map(|i| i.to_le_bytes()).collect();
+        json["meshes"][0]["primitives"][0]["indices"] = accessor(json, &indices, 5123, 9, "SCALAR").into();
+    });
+    let said = folder.luxel(&format!("bake odd.gltf {QUICK}"));
+    assert_eq!(said.code, 0, "{}", said.err);
+    assert!(said.err.contains("warning: 1 triangles have no area"), "{}", said.err);
+}
+
+#[test]
+fn absurdly_bright_light_stays_finite() {
+    let folder = Folder::new();
+    odd(&folder, |json| {
+        json["materials"][1]["extensions"] = json!({ "KHR_materials_emissive_strength": { "emissiveStrength": 1e30 } });
+        let light = json!({ "type": "point", "intensity": 1e35 });
+        json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [light] } });
+        json["nodes"][2]["extensions"] = json!({ "KHR_lights_punctual": { "light": 0 } });
+    });
+    let said = folder.luxel(&format!("bake odd.gltf {QUICK} --report a.json --preview a.png --flat flat.glb"));
+    assert_eq!(said.code, 0, "{}", said.err);
+    assert!(said.err.contains("emits more than 1e20") && said.err.contains("brighter than 1e20"), "{}", said.err);
+    let report: Value = serde_json::from_slice(&std::fs::read(folder.path("a.json")).unwrap()).unwrap();
+    assert!(report["energy"]["imbalance"].is_number() && report["solver"]["bound"].is_number(), "{report:#}");
+}
+
+#[test]
+fn broken_scenes_are_code_3_and_their_part_is_named() {
+    let folder = Folder::new();
+    let refuses = |options: &str, parts: &[&str]| {
+        let said = folder.luxel(&format!("bake odd.gltf {QUICK} {options}"));
+        assert_eq!((said.code, said.out.as_str()), (3, ""), "{parts:?}: {}", said.err);
+        assert!(parts.iter().all(|part| said.err.contains(part)), "{parts:?}: {}", said.err);
+    };
+    odd(&folder, |json| {
+        let corners = floats(&[-2.0, 0.0, -2.0, -2.0, f32::NAN, 2.0, 2.0, 0.0, 2.0, 2.0, 0.0, -2.0]);
+        json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = accessor(json, &corners, 5126, 4, "VEC3").into();
+    });
+    refuses("", &["mesh 0"]);
+    odd(&folder, |json| {
+        let folded = accessor(json, &floats(&[0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.9, 0.1]), 5126, 4, "VEC2");
+        let apart = accessor(json, &floats(&[0.0, 0.0, 0.0, 0.4, 0.4, 0.4, 0.4, 0.0]), 5126, 4, "VEC2");
+        json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_1"] = folded.into();
+        json["meshes"][1]["primitives"][0]["attributes"]["TEXCOORD_1"] = apart.into();
+    });
+    refuses("--keep-uv", &["mesh 0", "overlap"]);
+    odd(&folder, |json| {
+        json["nodes"][0]["children"] = json!([1]);
+        json["nodes"][1]["children"] = json!([0]);
+    });
+    refuses("", &["node "]);
+    odd(&folder, |json| json["buffers"][0]["uri"] = "gone.bin".into());
+    refuses("", &["buffer 0", "gone.bin"]);
+    assert_eq!(folder.files(), ["odd.gltf", "room.gltf"]);
+}
+
+#[test]
+fn a_bake_that_does_not_fit_is_refused_with_a_remedy() {
+    // Four terabytes; a machine that has them would bake for days.
+    if luxel::memory::free_mb() > 4_000_000 {
+        return;
+    }
+    let folder = Folder::new();
+    let said = folder.luxel("bake room.gltf --rays 65536 --resolution 4096");
+    assert_eq!((said.code, said.out.as_str()), (1, ""), "{}", said.err);
+    assert!(said.err.contains("MB free") && said.err.contains("lower --resolution"), "{}", said.err);
+    assert_eq!(folder.files(), ["room.gltf"]);
+}
+
+#[test]
+fn notes_are_no_warnings() {
+    let folder = Folder::new();
+    let said = folder.luxel(&format!("bake room.gltf -o a.glb {QUICK} --flat flat.glb --strict --report a.json"));
+    assert_eq!(said.code, 0, "{}", said.err);
+    assert!(said.err.contains("note: flat.glb: ") && said.out.contains("warnings   0"), "{}{}", said.out, said.err);
+    let report: Value = serde_json::from_slice(&std::fs::read(folder.path("a.json")).unwrap()).unwrap();
+    assert_eq!(report["notes"].as_array().unwrap().len(), 1);
+}
+
+#[test]
+fn a_scene_that_is_all_unlit_is_told_so() {
+    let folder = Folder::new();
+    odd(&folder, |json| {
+        for i in 0..2 {
+            json["materials"][i]["extensions"] = json!({ "KHR_materials_unlit": {} });
+        }
+    });
+    let said = folder.luxel(&format!("bake odd.gltf {QUICK}"));
+    assert!(said.err.contains("nothing is lit"), "{}", said.err);
 }

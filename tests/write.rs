@@ -268,7 +268,7 @@ fn a_set_that_is_read_moves_and_its_textures_are_repointed() {
         let notes = write(&source, &scene, &atlas, &maps, &Report::default(), &options(), &out).unwrap();
         keep(&out);
         let baked = load(&out);
-        assert_eq!(notes.len(), 3, "{notes:?}");
+        assert_eq!(notes.notes.len(), 3, "{notes:?}");
         let set = |mesh: usize| {
             let m = baked.json["meshes"][mesh]["primitives"][0]["material"].as_u64().unwrap() as usize;
             let info = &baked.json["materials"][m]["pbrMetallicRoughness"]["baseColorTexture"];
@@ -363,7 +363,7 @@ fn a_gltf_has_its_files_beside_it() {
     b.shown(json!([square]));
     b.json["buffers"][0]["uri"] = "scene.bin".into();
     std::fs::create_dir(from.path().join("maps")).unwrap();
-    let png = luxel::pixels::png::encode(UVec2::ONE, &[[255; 3]]).unwrap();
+    let png = luxel::pixels::encode_png(UVec2::ONE, &[[255; 3]]).unwrap();
     std::fs::write(from.path().join("maps/a b.png"), &png).unwrap();
     std::fs::write(from.path().join("scene.bin"), &b.buffer).unwrap();
     let source = b.document(&from.path().join("scene.gltf"));
@@ -387,6 +387,31 @@ fn a_gltf_has_its_files_beside_it() {
     let (beside, _) = bake(&other, Plan::Whole, &options(), &from.path().join("scene.gltf"));
     assert_eq!(beside.json["buffers"][0]["uri"], "scene.1.bin");
     assert_eq!(std::fs::read(from.path().join("scene.bin")).unwrap(), kept);
+}
+
+#[cfg(unix)]
+#[test]
+fn only_ordinary_files_go_along() {
+    let from = tempfile::tempdir().unwrap();
+    let inside = from.path().join("in");
+    std::fs::create_dir(&inside).unwrap();
+    std::fs::write(from.path().join("secret.txt"), "secret").unwrap();
+    std::fs::write(inside.join("a:b.txt"), "plain").unwrap();
+    let mut b = rich();
+    b.json["images"] = json!([{ "uri": "/dev/zero" }, { "uri": "../secret.txt" }]);
+    b.json["extensions"] = json!({ "VENDOR_sound": [{ "uri": "../secret.txt" }, { "uri": "a:b.txt" }] });
+    let source = b.document(&inside.join("in.glb"));
+    for name in ["out.glb", "out.gltf"] {
+        let to = tempfile::tempdir().unwrap();
+        let (baked, said) = bake(&source, Plan::Whole, &options(), &to.path().join(name));
+        assert_eq!(said.len(), 3, "{said:?}");
+        let count = |part: &str| said.iter().filter(|s| s.contains(part)).count();
+        let counts = (count("/dev/zero: is not an ordinary file"), count("secret.txt: lies outside"));
+        assert_eq!(counts, (1, 2), "{said:?}");
+        assert_eq!(baked.json["images"][0]["uri"], "/dev/zero");
+        assert_eq!(baked.json["extensions"]["VENDOR_sound"][1]["uri"], "a%3Ab.txt");
+        assert!(to.path().join("a:b.txt").is_file() && !to.path().join("secret.txt").exists());
+    }
 }
 
 /// The files of a folder, sorted.

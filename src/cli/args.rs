@@ -44,7 +44,7 @@ pub struct Bake {
     #[arg(short, long = "output", value_name = "OUT")]
     pub output: Option<PathBuf>,
 
-    /// One page of N x N texels, the density chosen to fill it, 1 to 32768 [default: 1024]
+    /// One page of N x N texels, the density chosen to fill it, 16 to 32768 [default: 1024]
     #[arg(long, value_name = "N", help_heading = "Size", value_parser = edge())]
     pub resolution: Option<u32>,
 
@@ -52,7 +52,7 @@ pub struct Bake {
     #[arg(long, value_name = "T", help_heading = "Size", value_parser = values::density, allow_hyphen_values = true)]
     pub texels_per_meter: Option<f64>,
 
-    /// Largest edge of a page in texels, 1 to 32768 [default: 4096, or --resolution if that is more]
+    /// Largest edge of a page in texels, 16 to 32768 [default: 4096, or --resolution if that is more]
     #[arg(long, value_name = "N", help_heading = "Size", value_parser = edge())]
     pub page_size: Option<u32>,
 
@@ -160,7 +160,7 @@ pub enum Content {
 }
 
 fn edge() -> RangedU64ValueParser<u32> {
-    RangedU64ValueParser::new().range(1..=32768)
+    RangedU64ValueParser::new().range(16..=32768)
 }
 
 #[cfg(test)]
@@ -188,7 +188,8 @@ mod tests {
     #[test]
     fn what_is_out_of_range_is_wrong_usage() {
         let wrong: &[&[&str]] = &[
-            &["--resolution", "0"],
+            &["--resolution", "15"],
+            &["--page-size", "8"],
             &["--resolution", "32769"],
             &["--resolution", "1024", "--texels-per-meter", "4"],
             &["--texels-per-meter", "0"],

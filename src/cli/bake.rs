@@ -13,7 +13,7 @@ use luxel::{
     atlas,
     bake::{self, Baked, Options},
     error::{Error, Result},
-    files, gltf, lightmaps, memory, progress,
+    files, gltf, lightmaps, memory, preview, progress,
     report::Report,
     scene::{Camera, Scene},
 };
@@ -27,6 +27,7 @@ pub fn run(args: &args::Bake) -> Result<ExitCode> {
     let outputs = outputs::resolve(args)?;
     let reading = gltf::ReadOptions { exclude: args.exclude.clone(), light_scale: args.light_scale };
     let gltf::Input { document, mut scene, warnings } = gltf::read(&args.input, &reading)?;
+    outputs.spare(&document)?;
     let mut said = Warnings::default();
     said.add(warnings);
     said.add(lights::add(&mut scene, args.sky.as_ref(), args.sun.as_ref())?);
@@ -40,8 +41,10 @@ pub fn run(args: &args::Bake) -> Result<ExitCode> {
     baked.report.warnings = said.all.clone();
 
     let written = write(args, &document, &scene, &baked, camera, &outputs)?;
-    said.add(written.notes);
-    let report = Report { warnings: said.all, peak_memory_mb: memory::peak_mb(), ..baked.report };
+    said.add(written.said.warnings);
+    let notes = written.said.notes;
+    notes.iter().filter(|_| !args.quiet).for_each(|text| console::information(text));
+    let report = Report { warnings: said.all, notes, peak_memory_mb: memory::peak_mb(), ..baked.report };
     tell(&report, &outputs, &written.extras)?;
     Ok(ExitCode::from(u8::from(args.strict && !report.warnings.is_empty())))
 }
@@ -109,7 +112,7 @@ fn start_threads(threads: Option<usize>) -> Result<()> {
 }
 
 struct Written<'a> {
-    notes: Vec<String>,
+    said: gltf::Remarks,
     extras: Vec<Extra<'a>>,
 }
 
@@ -123,7 +126,7 @@ fn write<'a>(
     outputs: &'a Outputs,
 ) -> Result<Written<'a>> {
     let picture = outputs.preview.as_deref().map(|file| (file, pictures::preview(scene, baked, camera)));
-    let flat = outputs.flat.as_deref().map(|file| (file, pictures::flat(baked)));
+    let flat = outputs.flat.as_deref().map(|file| (file, preview::flat(baked)));
     progress::check(&Progress::new(true))?;
     signals::begin_writing();
     let Baked { atlas, lightmaps, report, .. } = baked;
@@ -133,17 +136,17 @@ fn write<'a>(
         strip_lights: args.strip_lights,
         baked_lights: lights::baked(scene, lightmaps.content),
     };
-    let mut notes = gltf::write(document, scene, atlas, lightmaps, report, &writing, &outputs.scene)?;
+    let mut said = gltf::write(document, scene, atlas, lightmaps, report, &writing, &outputs.scene)?;
     let mut extras = Vec::new();
     if let Some((file, picture)) = picture {
         pictures::write(&picture, file)?;
         extras.push(Extra { name: "preview", file, exposure: picture.exposure });
     }
     if let Some((file, (pages, exposure))) = flat {
-        notes.extend(gltf::write_flat(document, scene, atlas, &pages, exposure, file)?);
+        said.notes.extend(gltf::write_flat(document, scene, atlas, &pages, exposure, file)?);
         extras.push(Extra { name: "flat", file, exposure });
     }
-    Ok(Written { notes, extras })
+    Ok(Written { said, extras })
 }
 
 fn tell(report: &Report, outputs: &Outputs, extras: &[Extra]) -> Result<()> {

@@ -9,6 +9,11 @@ pub fn note(line: &str) {
     let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
 
+/// What was done, and is as it should be.
+pub fn information(text: &str) {
+    note(&format!("note: {text}"));
+}
+
 /// What the user should know.
 pub fn warning(text: &str) {
     note(&format!("warning: {text}"));

@@ -6,7 +6,7 @@ use luxel::{
     error::Result,
     lightmaps::Content,
     pixels::read_hdr,
-    scene::{Bake, Light, LightKind, Scene, Sky, SkyMap},
+    scene::{Bake, Light, LightKind, MAX_LIGHT, Material, Scene, Sky, SkyMap},
 };
 
 /// Adds what the command line wishes to `scene`; returns what the user should know.
@@ -18,7 +18,12 @@ pub fn add(scene: &mut Scene, sky: Option<&SkyWish>, sun: Option<&SunWish>) -> R
     scene.lights.extend(sun.map(shining));
     if !has_light(scene) {
         scene.sky = Sky::Uniform(Vec3::ONE);
-        warnings.push("the scene has no light; it is baked under a white sky of radiance 1 (see --sky, --sun)".into());
+        let typed = if sky.is_some() { ", and the sky of --sky is black" } else { "" };
+        let instead = "it is baked under a white sky of radiance 1 (see --sky, --sun)";
+        warnings.push(format!("the scene has no light{typed}; {instead}"));
+    }
+    if !scene.instances.is_empty() && used(scene).all(|m| m.unlit) {
+        warnings.push("nothing is lit: all materials are unlit (KHR_materials_unlit)".into());
     }
     Ok(warnings)
 }
@@ -38,15 +43,21 @@ fn load(wish: &SkyWish, warnings: &mut Vec<String>) -> Result<Sky> {
         SkyWish::Picture(file, scale, rotation) => (file, *scale, rotation.to_radians()),
     };
     let hdr = read_hdr(file)?;
-    let (mut bad, mut radiance) = (hdr.repaired, hdr.radiance);
+    let (bad, mut radiance, mut capped) = (hdr.repaired, hdr.radiance, 0);
     for c in &mut radiance {
         *c *= scale;
-        if !c.is_finite() {
-            (*c, bad) = (Vec3::ZERO, bad + 1);
+        if c.max_element() > MAX_LIGHT {
+            (*c, capped) = (c.min(Vec3::splat(MAX_LIGHT)), capped + 1);
         }
     }
     if bad > 0 {
         warnings.push(format!("{}: {bad} pixels are negative or not finite; they are taken as black", file.display()));
+    }
+    if capped > 0 {
+        warnings.push(format!(
+            "{}: {capped} pixels are brighter than {MAX_LIGHT:e}: they are capped there",
+            file.display()
+        ));
     }
     Ok(Sky::Map(SkyMap { width: hdr.size.x, height: hdr.size.y, radiance, rotation }))
 }
@@ -69,11 +80,14 @@ fn shining(sun: &SunWish) -> Light {
 
 fn has_light(scene: &Scene) -> bool {
     let shines = |l: &Light| l.bake != Bake::None && l.intensity.max_element() > 0.0;
-    let emits = |material: u32| scene.materials.get(material as usize).is_some_and(|m| m.emits());
-    let used = scene.instances.iter().filter_map(|i| scene.meshes.get(i.mesh as usize));
-    scene.sky.shines()
-        || scene.lights.iter().any(shines)
-        || used.flat_map(|m| &m.primitives).any(|p| !p.triangles.is_empty() && emits(p.material))
+    scene.sky.shines() || scene.lights.iter().any(shines) || used(scene).any(Material::emits)
+}
+
+/// Materials of triangles.
+fn used(scene: &Scene) -> impl Iterator<Item = &Material> {
+    let meshes = scene.instances.iter().filter_map(|i| scene.meshes.get(i.mesh as usize));
+    let primitives = meshes.flat_map(|m| &m.primitives).filter(|p| !p.triangles.is_empty());
+    primitives.filter_map(|p| scene.materials.get(p.material as usize))
 }
 
 #[cfg(test)]
@@ -137,6 +151,8 @@ mod tests {
         let mut scene = Scene::default();
         assert_eq!(add(&mut scene, None, None).unwrap().len(), 1);
         assert!(matches!(scene.sky, Sky::Uniform(Vec3::ONE)));
+        let black = SkyWish::Uniform(Vec3::ZERO);
+        assert!(add(&mut Scene::default(), Some(&black), None).unwrap()[0].contains("--sky is black"));
         let mut scene = Scene { lights: vec![Light { bake: Bake::None, ..sun(0.0, 90.0) }], ..Scene::default() };
         assert_eq!(add(&mut scene, None, None).unwrap().len(), 1);
     }

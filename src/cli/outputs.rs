@@ -1,9 +1,13 @@
 //! Where results go: names that nobody typed, and mistakes found before anything takes long.
 
-use super::{args::Bake, values::has_extension};
+use super::{
+    args::Bake,
+    values::{SkyWish, has_extension},
+};
 use luxel::{
     error::{Error, Result},
     files,
+    gltf::Document,
 };
 use std::{
     io,
@@ -41,13 +45,17 @@ pub fn resolve(options: &Bake) -> Result<Outputs> {
     let report = options.report.clone().filter(|_| !report_on_stdout);
     let outputs =
         Outputs { scene, preview: options.preview.clone(), flat: options.flat.clone(), report, report_on_stdout };
-    let input = place(input)?;
+    let mut inputs = vec![place(input)?];
+    if let Some(SkyWish::Picture(file, ..)) = &options.sky {
+        inputs.extend(file.canonicalize());
+    }
+    let scene = place(&outputs.scene)?;
     let mut places: Vec<PathBuf> = Vec::new();
     let others = [&outputs.preview, &outputs.flat, &outputs.report].into_iter().flatten();
     for path in [&outputs.scene].into_iter().chain(others) {
         let at = place(path)?;
-        let taken = places.contains(&at) || !places.is_empty() && at == input;
-        if taken {
+        let others = !places.is_empty();
+        if places.contains(&at) || others && (inputs.contains(&at) || belongs(&at, &scene, options.sidecar)) {
             return Err(Error::Usage(format!("{}: two files of this bake have the same name", path.display())));
         }
         if path.exists() && !path.is_file() {
@@ -57,6 +65,43 @@ pub fn resolve(options: &Bake) -> Result<Outputs> {
         places.push(at);
     }
     Ok(outputs)
+}
+
+impl Outputs {
+    /// Refuses to write over files that the document names, or their copies beside the lit scene.
+    pub fn spare(&self, document: &Document) -> Result<()> {
+        let beside = self.scene.parent().unwrap_or(Path::new(""));
+        for path in [&self.preview, &self.flat, &self.report].into_iter().flatten() {
+            let at = place(path)?;
+            let same = |other: PathBuf| place(&other).is_ok_and(|other| other == at);
+            let hit = |e: &&luxel::gltf::External| {
+                let copy = e.path.strip_prefix(document.path.parent().unwrap_or(Path::new("")));
+                let copy = copy.ok().filter(|_| has_extension(&self.scene, &["gltf"]));
+                same(e.path.clone()) || copy.is_some_and(|name| same(beside.join(name)))
+            };
+            if let Some(external) = document.external.iter().find(hit) {
+                let what = format!("would overwrite {}, which the scene names", external.path.display());
+                return Err(Error::Usage(format!("{}: {what}\n  choose another name", path.display())));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// True if a lit scene at `scene` takes the name `at` for a file that is written beside it.
+fn belongs(at: &Path, scene: &Path, sidecar: bool) -> bool {
+    let text = |name: Option<&std::ffi::OsStr>| name.unwrap_or_default().to_string_lossy().into_owned();
+    let (name, stem) = (text(at.file_name()), text(scene.file_stem()));
+    let Some(rest) = name.strip_prefix(&stem).and_then(|rest| rest.strip_prefix('.')) else { return false };
+    let numbered = |head: &str, tail: &str| {
+        let number = rest.strip_prefix(head).and_then(|r| r.strip_suffix(tail));
+        number.is_some_and(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()))
+    };
+    let gltf = has_extension(scene, &["gltf"]);
+    at.parent() == scene.parent()
+        && (gltf && (rest == "bin" || numbered("buffer", ".bin"))
+            || sidecar && rest == "lightmap.json"
+            || (gltf || sidecar) && numbered("page", ".exr"))
 }
 
 /// `scene.glb` to `scene.lit.glb`; a `.lit` already there stays single.

@@ -13,8 +13,6 @@ pub struct Document {
     /// Bytes of each of `buffers`, at least its `byteLength` of them; empty for one that only stands in for
     /// compressed data (EXT_meshopt_compression).
     pub buffers: Vec<Vec<u8>>,
-    /// True for GLB: buffer 0 is the binary chunk if it has no `uri`.
-    pub is_glb: bool,
     /// Files beside it that `buffers` and `images` name.
     pub external: Vec<External>,
 }

@@ -2,8 +2,9 @@
 
 mod document;
 mod read;
+mod uri;
 mod write;
 
 pub use document::{Document, External};
 pub use read::{Input, ReadOptions, read};
-pub use write::{WriteOptions, write, write_flat};
+pub use write::{Remarks, WriteOptions, write, write_flat};

@@ -4,6 +4,7 @@
 //! filled from its neighbours. Gutters are filled into empty texels only: a valid black stays black.
 
 mod fill;
+pub(crate) use fill::gutters;
 mod seams;
 
 pub use seams::jump_across_seams;
@@ -109,8 +110,9 @@ impl Lightmaps {
                 map.irradiance[pixel] = if e.is_finite() { e } else { Vec3::ZERO };
                 state[pixel] = fill::State::Full(charts.of(t));
             }
-            fill::buried(&mut map, &mut state);
-            fill::gutters(&mut map, &state);
+            fill::buried(map.size, &mut map.irradiance, &mut state);
+            let empty: Vec<bool> = state.iter().map(|s| *s == fill::State::Empty).collect();
+            gutters(map.size, &mut map.irradiance, &empty);
             maps.pages.push(map);
         }
         maps

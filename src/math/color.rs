@@ -17,6 +17,11 @@ pub fn linear_to_srgb(c: f32) -> f32 {
     if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * libm::powf(c, 1.0 / 2.4) - 0.055 }
 }
 
+/// sRGB code of a linear colour, clamped.
+pub fn srgb(c: Vec3) -> [u8; 3] {
+    c.to_array().map(|x| (linear_to_srgb(x) * 255.0 + 0.5) as u8)
+}
+
 /// Luminance of linear Rec. 709.
 pub fn luminance(c: Vec3) -> f32 {
     c.dot(Vec3::new(0.2126, 0.7152, 0.0722))

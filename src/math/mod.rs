@@ -6,7 +6,7 @@ mod points;
 mod polygon;
 mod sphere;
 
-pub use color::{SRGB_TO_LINEAR, linear_to_srgb, luminance};
+pub use color::{SRGB_TO_LINEAR, linear_to_srgb, luminance, srgb};
 pub use frame::{Frame, cosine_hemisphere, square_to_disc};
 pub use points::{Point, PointTable, hash, unit_float};
 pub use polygon::Polygon;

@@ -1,11 +1,10 @@
-//! PNG, JPEG and WebP in, PNG out: eight bits a channel, as stored (no curve is applied).
+//! PNG, JPEG and WebP in: eight bits a channel, as stored (no curve is applied).
 //!
 //! A picture's claimed size is compared with the bytes it comes in before anything of that size is allocated.
 
-use crate::error::{Error, Result};
 use glam::UVec2;
-use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
-use std::{io::Cursor, path::Path};
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use std::io::Cursor;
 
 /// Longest edge of a picture that is decoded.
 const MAX_EDGE: u32 = 32_768;
@@ -24,7 +23,7 @@ pub struct Ldr {
 }
 
 /// Decodes a PNG, JPEG or WebP file held in memory; the error is the reason in words.
-pub fn decode(bytes: &[u8]) -> std::result::Result<Ldr, String> {
+pub fn decode(bytes: &[u8]) -> Result<Ldr, String> {
     let reason = |e: image::ImageError| e.to_string();
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| e.to_string())?;
     match reader.format() {
@@ -53,28 +52,6 @@ pub fn decode(bytes: &[u8]) -> std::result::Result<Ldr, String> {
     Ok(Ldr { size: UVec2::new(width, height), rgba: rgba.pixels().map(|p| p.0).collect() })
 }
 
-/// Writes rows of rgb from the top as PNG; the file appears whole or not at all.
-pub fn write_png(path: &Path, size: UVec2, rgb: &[[u8; 3]]) -> Result<()> {
-    let png = encode_png(size, rgb).map_err(|e| Error::writing(path, e))?;
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let write = || {
-        let mut file = tempfile::NamedTempFile::new_in(folder)?;
-        std::io::Write::write_all(&mut file, &png)?;
-        file.persist(path).map_err(|e| e.error)?;
-        Ok(())
-    };
-    write().map_err(|e| Error::writing(path, e))
-}
-
-/// A PNG file in memory, rows of rgb from the top.
-pub fn encode_png(size: UVec2, rgb: &[[u8; 3]]) -> std::io::Result<Vec<u8>> {
-    let mut png = Vec::new();
-    let encoder = image::codecs::png::PngEncoder::new(&mut png);
-    image::ImageEncoder::write_image(encoder, rgb.as_flattened(), size.x, size.y, ColorType::Rgb8.into())
-        .map_err(std::io::Error::other)?;
-    Ok(png)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -82,10 +59,7 @@ mod tests {
     #[test]
     fn png_round_trip() {
         let rgb = [[255, 0, 0], [0, 255, 0], [0, 0, 255], [1, 2, 3], [4, 5, 6], [7, 8, 9]];
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.png");
-        write_png(&path, UVec2::new(3, 2), &rgb).unwrap();
-        let back = decode(&std::fs::read(&path).unwrap()).unwrap();
+        let back = decode(&crate::pixels::encode_png(UVec2::new(3, 2), &rgb).unwrap()).unwrap();
         assert_eq!(back.size, UVec2::new(3, 2));
         assert_eq!(back.rgba, rgb.map(|[r, g, b]| [r, g, b, 255]));
     }

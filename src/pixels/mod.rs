@@ -3,7 +3,8 @@
 pub mod exr;
 mod hdr;
 mod ldr;
-pub mod png;
+mod png;
 
 pub use hdr::{Hdr, read_hdr};
-pub use ldr::{Ldr, decode, encode_png, write_png};
+pub use ldr::{Ldr, decode};
+pub use png::encode_png;

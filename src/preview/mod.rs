@@ -3,11 +3,13 @@
 //! Knows the scene only by what a ray sees ([`Cast`]), so it works with any tracer and any light. Backs of single-sided
 //! surfaces are looked through: a room is seen from outside as in a doll's house.
 
+mod baked;
 mod frame;
 mod paint;
 
+pub use baked::{flat, sight};
 pub use frame::{at, frame};
-pub use paint::{Picture, auto_exposure, paint, srgb};
+pub use paint::{Picture, auto_exposure, paint};
 
 use glam::Vec3;
 

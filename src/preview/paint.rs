@@ -2,7 +2,7 @@
 
 use super::{Cast, axes, half_extent, see};
 use crate::{
-    math::{linear_to_srgb, luminance},
+    math::{luminance, srgb},
     scene::{Camera, Sky},
 };
 use glam::{UVec2, Vec2, Vec3};
@@ -66,11 +66,6 @@ pub fn auto_exposure(mut luminances: Vec<f32>) -> f32 {
 /// Linear up to .6, then a smooth shoulder to 1.
 fn shown(c: Vec3) -> Vec3 {
     c.map(|x| if x <= 0.6 { x } else { 1.0 - 0.4 * libm::expf((0.6 - x) / 0.4) })
-}
-
-/// sRGB code of a linear colour, clamped.
-pub fn srgb(c: Vec3) -> [u8; 3] {
-    c.to_array().map(|x| (linear_to_srgb(x) * 255.0 + 0.5) as u8)
 }
 
 #[cfg(test)]

@@ -35,6 +35,10 @@ pub struct Light {
     pub bake: Bake,
 }
 
+/// Largest radiance, irradiance or intensity of a channel that comes from a file: more is capped, so that sums of
+/// light stay finite.
+pub const MAX_LIGHT: f32 = 1e20;
+
 /// Shape of a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LightKind {

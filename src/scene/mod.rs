@@ -10,7 +10,7 @@ mod sky;
 mod texture;
 mod world;
 
-pub use light::{Bake, Light, LightKind};
+pub use light::{Bake, Light, LightKind, MAX_LIGHT};
 pub use material::{Alpha, Material, Surface};
 pub use sky::{Sky, SkyMap};
 pub use texture::{Texture, TextureRef, Wrap};

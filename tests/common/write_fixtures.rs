@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DVec3, UVec2, Vec2, Vec3};
 use luxel::atlas::{Atlas, Layout, NO_CHART, Page, Placement};
-use luxel::gltf::{Document, WriteOptions, write};
+use luxel::gltf::{Document, Remarks, WriteOptions, write};
 use luxel::lightmaps::{Lightmaps, Map};
 use luxel::report::Report;
 use luxel::scene::{Instance, Material, Mesh, Primitive, Scene};
@@ -106,7 +106,7 @@ impl Builder {
                 self.json.as_object_mut().unwrap().remove(key);
             }
         }
-        Document { path: path.into(), json: self.json, buffers: vec![self.buffer], is_glb: true, external: Vec::new() }
+        Document { path: path.into(), json: self.json, buffers: vec![self.buffer], external: Vec::new() }
     }
 }
 
@@ -121,14 +121,14 @@ pub fn load(path: &Path) -> Document {
         let name = |b: &Value| b["uri"].as_str().unwrap().replace("%20", " ");
         let read = |b: &Value| std::fs::read(path.with_file_name(name(b))).unwrap();
         let buffers = json["buffers"].as_array().unwrap().iter().map(read).collect();
-        return Document { path: path.into(), json, buffers, is_glb: false, external: Vec::new() };
+        return Document { path: path.into(), json, buffers, external: Vec::new() };
     }
     let u32_at = |i: usize| u32::from_le_bytes(bytes[i..i + 4].try_into().unwrap()) as usize;
     assert_eq!(u32_at(8), bytes.len());
     let length = u32_at(12);
     let json: Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
     let binary = bytes.get(28 + length..).unwrap_or_default().to_vec();
-    Document { path: path.into(), json, buffers: vec![binary], is_glb: true, external: Vec::new() }
+    Document { path: path.into(), json, buffers: vec![binary], external: Vec::new() }
 }
 
 /// The numbers of an accessor that is neither sparse nor normalized, as f64.
@@ -270,14 +270,16 @@ pub fn lightmaps(atlas: &Atlas, value: f32) -> Lightmaps {
     Lightmaps { pages: atlas.pages.iter().map(page).collect(), ..Lightmaps::default() }
 }
 
-/// Writes `document` with a lightmap of ones; returns what was written and the notes.
+/// Writes `document` with a lightmap of ones; returns what was written and what was said.
 pub fn bake(document: &Document, plan: Plan, options: &WriteOptions, out: &Path) -> (Document, Vec<String>) {
     let scene = scene(document);
     let atlas = atlas(&scene, plan);
     let maps = lightmaps(&atlas, 1.0);
-    let notes = write(document, &scene, &atlas, &maps, &Report::default(), options, out).unwrap();
+    let Remarks { mut warnings, notes } =
+        write(document, &scene, &atlas, &maps, &Report::default(), options, out).unwrap();
     keep(out);
-    (load(out), notes)
+    warnings.extend(notes);
+    (load(out), warnings)
 }
 
 /// Copies an output to the folder in LUXEL_KEEP, where the Khronos validator can look at it.

@@ -9,7 +9,7 @@ fn glb_is_read_and_its_json_kept() {
     let mut b = Builder::square();
     b.json["extensions"] = json!({ "VENDOR_x": { "a": [1, 2.5, null] } });
     let input = ok(&b);
-    assert!(input.document.is_glb && input.document.external.is_empty());
+    assert!(input.document.external.is_empty());
     assert_eq!(input.document.json["extensions"], b.json["extensions"]);
     assert!(input.document.buffers[0].starts_with(&b.bin));
     assert_eq!(input.warnings, Vec::<String>::new());
@@ -33,7 +33,6 @@ fn gltf_with_escaped_file_names() {
     save(folder.path(), "my picture.png", &picture);
     let path = save(folder.path(), "test.gltf", format!("\u{feff}{}", b.json).as_bytes());
     let input = read(&path, &ReadOptions::default()).unwrap();
-    assert!(!input.document.is_glb);
     let external: Vec<&str> = input.document.external.iter().map(|e| e.uri.as_str()).collect();
     assert_eq!(external, ["a%20b.bin", "my%20picture.png"]);
     assert_eq!(input.scene.textures[0].sample(Vec2::ZERO, 0.0), Vec4::new(1.0, 0.0, 0.0, 1.0));

@@ -39,7 +39,16 @@ fn factors_and_defaults() {
     assert_eq!(m.alpha, Alpha::Mask(0.1));
     assert_eq!(material(&with(json!({ "alphaMode": "BLEND" }))).alpha, Alpha::Blend);
     refuses(&with(json!({ "alphaMode": "FOG" })), &["material 0", "alphaMode"]);
-    refuses(&with(json!({ "emissiveFactor": [1e39, 0, 0] })), &["material 0", "finite"]);
+    refuses(
+        &with(json!({ "pbrMetallicRoughness": { "baseColorFactor": [1e39, 0, 0, 1] } })),
+        &["material 0", "finite"],
+    );
+    for (factor, strength) in [(1e39, 1.0), (1.0, 1e39), (1e15, 1e15), (1e38, 1e38)] {
+        let strength = json!({ "KHR_materials_emissive_strength": { "emissiveStrength": strength } });
+        let input = ok(&with(json!({ "emissiveFactor": [factor, 0, 0], "extensions": strength })));
+        assert_eq!(input.scene.materials[0].emission, Vec3::new(1e20, 0.0, 0.0));
+        says(&input.warnings, "material 0: emits more than 1e20");
+    }
     refuses(&with(json!({ "emissiveFactor": "red" })), &["material 0"]);
 }
 

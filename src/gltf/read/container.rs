@@ -2,12 +2,15 @@
 
 use super::{
     extensions,
-    source::{array, broken, label},
-    uri,
+    source::{array, broken, label, linked},
 };
 use crate::{
     error::{Error, Result},
-    gltf::{Document, document::External},
+    gltf::{
+        Document,
+        document::External,
+        uri::{self, Named},
+    },
 };
 use serde_json::Value;
 use std::path::Path;
@@ -19,14 +22,13 @@ const BIN: u32 = 0x004E_4942;
 /// Reads `path` and the buffers it names; checks the version and the required extensions, nothing else.
 pub(super) fn open(path: &Path) -> Result<Document> {
     let bytes = uri::file(path)?;
-    let is_glb = bytes.starts_with(MAGIC);
-    let (json, bin) = if is_glb { chunks(path, &bytes)? } else { (bytes.as_slice(), None) };
+    let (json, bin) = if bytes.starts_with(MAGIC) { chunks(path, &bytes)? } else { (bytes.as_slice(), None) };
     let json = parse(path, json)?;
     version(path, &json)?;
     extensions::check(path, &json)?;
     let buffers = buffers(path, &json, bin)?;
     let external = external(path, &json)?;
-    Ok(Document { path: path.into(), json, buffers, is_glb, external })
+    Ok(Document { path: path.into(), json, buffers, external })
 }
 
 /// JSON and binary chunk of a GLB.
@@ -84,7 +86,7 @@ fn buffers(path: &Path, json: &Value, bin: Option<&[u8]>) -> Result<Vec<Vec<u8>>
         let length = buffer.get("byteLength").and_then(Value::as_u64);
         let length = length.ok_or_else(|| broken(path, &place, "has no byteLength"))?;
         let bytes = match (buffer.get("uri"), bin) {
-            (Some(Value::String(text)), _) => uri::bytes(path, text, &place)?,
+            (Some(Value::String(text)), _) => linked(path, text, &place)?,
             (Some(_), _) => return Err(broken(path, place, "its uri is not a string")),
             (None, Some(bin)) if i == 0 => bin.to_vec(),
             (None, _) if extensions::is_fallback(buffer) => {
@@ -106,8 +108,8 @@ fn external(path: &Path, json: &Value) -> Result<Vec<External>> {
     for list in ["buffers", "images"] {
         for part in array(path, json, list)? {
             let Some(text) = part.get("uri").and_then(Value::as_str) else { continue };
-            if let Some(at) = uri::beside(path, text).filter(|_| !files.iter().any(|f| f.uri == text)) {
-                files.push(External { uri: text.into(), path: at });
+            if let Some(named) = Named::beside(path, text).filter(|_| !files.iter().any(|f| f.uri == text)) {
+                files.push(External { uri: text.into(), path: named.path });
             }
         }
     }

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{
     error::Result,
-    scene::{Light, LightKind},
+    scene::{Light, LightKind, MAX_LIGHT},
 };
 use glam::{DVec3, Vec3};
 use gltf::json::{
@@ -41,14 +41,18 @@ pub(super) fn read(
             warnings.about(node, sentence);
             continue;
         }
-        let intensity = Vec3::from_array(from.color) * from.intensity * scale;
+        let intensity = (Vec3::from_array(from.color).as_dvec3() * f64::from(from.intensity)) * f64::from(scale);
         let position = (p.world.translation - origin).as_vec3();
         let direction = (-p.world.matrix3.z_axis).normalize_or_zero().as_vec3();
         let aimed = kind == Type::Point || direction != Vec3::ZERO;
-        if !(intensity.is_finite() && intensity.min_element() >= 0.0 && position.is_finite() && aimed) {
+        if !(!intensity.is_nan() && intensity.min_element() >= 0.0 && position.is_finite() && aimed) {
             warnings.about(node, "its light has no valid intensity, position or direction and is left out");
             continue;
         }
+        if intensity.max_element() > f64::from(MAX_LIGHT) {
+            warnings.about(&node, format!("its light is brighter than {MAX_LIGHT:e}: it is capped there"));
+        }
+        let intensity = intensity.as_vec3().min(Vec3::splat(MAX_LIGHT));
         let kind = shape(kind, from, &p.wishes, &node, warnings);
         let range = range(from, &node, warnings);
         let (name, bake) = (node, p.wishes.bake.unwrap_or_default());

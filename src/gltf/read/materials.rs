@@ -7,7 +7,7 @@ use super::{
 };
 use crate::{
     error::Result,
-    scene::{Alpha, Material, Texture, TextureRef},
+    scene::{Alpha, MAX_LIGHT, Material, Texture, TextureRef},
 };
 use glam::{Vec3, Vec4};
 use gltf::json::{self, material::AlphaMode, texture::Info, validation::Checked};
@@ -83,16 +83,12 @@ impl<'s, 'a> Materials<'s, 'a> {
         let Checked::Valid(alpha) = from.alpha_mode else {
             return Err(self.source.invalid(name, "its alphaMode is unknown"));
         };
-        let emission = Vec3::from_array(from.emissive_factor.0) * strength;
+        let emission = emission(from.emissive_factor.0, strength, &name, warnings);
         let through = transmission.map_or(0.0, |t| t.transmission_factor.0);
-        if !(look.base.is_finite()
-            && emission.is_finite()
-            && [look.metallic, through, cutoff].iter().all(|f| f.is_finite()))
-        {
+        if !(look.base.is_finite() && [look.metallic, through, cutoff].iter().all(|f| f.is_finite())) {
             return Err(self.source.invalid(name, "one of its factors is not finite"));
         }
         let (metallic, through) = (look.metallic.clamp(0.0, 1.0), through.clamp(0.0, 1.0));
-        let emission = emission.max(Vec3::ZERO);
         // A texture that a factor of zero multiplies is not looked at.
         let mut slot = |info: Option<&Info>, used: bool, srgb: bool| -> Result<Option<TextureRef>> {
             info.filter(|_| used).map(|i| self.textures.get(i, srgb, &name, warnings)).transpose()
@@ -120,6 +116,15 @@ impl<'s, 'a> Materials<'s, 'a> {
             name,
         })
     }
+}
+
+/// Emitted radiance, 0 to [`MAX_LIGHT`].
+fn emission(factor: [f32; 3], strength: f32, name: &str, warnings: &mut Warnings) -> Vec3 {
+    let wished = factor.map(|f| f64::from(f.clamp(0.0, f32::MAX)) * f64::from(strength.clamp(0.0, f32::MAX)));
+    if wished.iter().any(|c| *c > f64::from(MAX_LIGHT)) {
+        warnings.about(name, format!("emits more than {MAX_LIGHT:e}: it is capped there"));
+    }
+    Vec3::from(wished.map(|c| c as f32)).min(Vec3::splat(MAX_LIGHT))
 }
 
 /// Base colour and metalness, from whichever model the material has.

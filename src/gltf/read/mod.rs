@@ -16,7 +16,6 @@ mod meshes;
 mod nodes;
 mod source;
 mod textures;
-mod uri;
 mod warnings;
 mod wishes;
 

@@ -5,7 +5,10 @@
 
 use crate::{
     error::{Error, Result},
-    gltf::Document,
+    gltf::{
+        Document,
+        uri::{self, Named},
+    },
 };
 use gltf::json::{
     Accessor, Camera, Material, Mesh, Node, Texture, buffer::View, extensions::scene::khr_lights_punctual::Light,
@@ -80,6 +83,26 @@ pub(super) fn broken(file: &Path, place: impl Into<String>, problem: impl Into<S
         file.display()
     );
     Error::invalid(file, place, problem, remedy)
+}
+
+/// The bytes that `text`, a URI in `document`'s part `place`, stands for.
+pub(super) fn linked(document: &Path, text: &str, place: &str) -> Result<Vec<u8>> {
+    if let Some(data) = uri::data(text) {
+        return data.map_err(|problem| broken(document, place, problem));
+    }
+    let Some(named) = Named::beside(document, text) else {
+        let remedy = "download it, put it beside the document and name it by a relative path";
+        return Err(Error::unsupported(document, format!("{place}: the remote address {text}"), remedy));
+    };
+    uri::file(&named.path).map_err(|e| match e {
+        Error::Io { source, .. } => Error::invalid(
+            document,
+            place,
+            format!("its file {} cannot be read: {source}", named.path.display()),
+            "put the file there, or export the scene as one .glb",
+        ),
+        other => other,
+    })
 }
 
 /// For example `mesh 3 "Wall"`, or `mesh 3` without a name.

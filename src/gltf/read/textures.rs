@@ -3,8 +3,7 @@
 use super::{
     accessors::view_bytes,
     extensions::{BASISU, extension, refused},
-    source::{Source, label},
-    uri,
+    source::{Source, label, linked},
     warnings::Warnings,
 };
 use crate::{
@@ -107,7 +106,7 @@ impl<'s, 'a> Textures<'s, 'a> {
         let place = format!("{place}, {}", label("image", index, image.get("name").and_then(Value::as_str)));
         let view = image.get("bufferView").and_then(Value::as_u64);
         let bytes: Cow<[u8]> = match (image.get("uri").and_then(Value::as_str), view) {
-            (Some(text), _) => uri::bytes(source.file, text, &place)?.into(),
+            (Some(text), _) => linked(source.file, text, &place)?.into(),
             (None, Some(view)) => view_bytes(source, usize::try_from(view).unwrap_or(usize::MAX), &place)?.into(),
             (None, None) => return Err(source.invalid(place, "has neither a uri nor a bufferView")),
         };

@@ -26,13 +26,13 @@ pub fn unbind(store: &mut Store) {
 }
 
 /// Rectangles of the instances that have one on a visible page, by node.
-pub fn rectangles(scene: &Scene, atlas: &Atlas, notes: &mut Vec<String>) -> Vec<(u32, Placement)> {
+pub fn rectangles(scene: &Scene, atlas: &Atlas, warnings: &mut Vec<String>) -> Vec<(u32, Placement)> {
     let mut found: Vec<(u32, Placement)> = Vec::new();
     for (instance, placement) in scene.instances.iter().zip(&atlas.placements) {
         let visible = |p: &Placement| atlas.pages.get(p.page as usize).is_some_and(|page| !page.hidden);
         let Some(placement) = (*placement).filter(visible) else { continue };
         if found.last().is_some_and(|(node, _)| *node == instance.node) {
-            notes.push(format!("{}: only the first of its instances can be given a lightmap", instance.name));
+            warnings.push(format!("{}: only the first of its instances can be given a lightmap", instance.name));
         } else {
             found.push((instance.node, placement));
         }
@@ -83,7 +83,7 @@ fn short(report: &Report) -> Value {
     })
 }
 
-/// Puts the data in place, the mirror too. Returns what the user should know.
+/// Puts the data in place, the mirror too. Returns notes.
 pub fn bind(json: &mut Value, root: Value, nodes: &[(u32, Placement)]) -> Vec<String> {
     let mut notes = Vec::new();
     let used = json.as_object_mut().map(|root| root.entry("extensionsUsed").or_insert_with(|| json!([])));

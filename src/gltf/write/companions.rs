@@ -2,43 +2,61 @@
 //! output, so that it stands where the document says.
 
 use super::{
-    files::{Files, decode_uri, folder},
+    files::{Files, folder},
     store::Store,
 };
-use crate::error::Result;
-use base64::prelude::{BASE64_STANDARD as BASE64, Engine};
+use crate::{
+    error::{Error, Result},
+    gltf::uri::{self, Named},
+};
 use serde_json::{Map, Value};
 use std::path::Path;
 
-/// Brings along what the document names; `embed`: images become part of the file.
+/// Brings along what the document names; `embed`: images become part of the file. Returns what was left behind.
+///
+/// Only ordinary files are opened. Outside of the document's folder these are pictures or nothing: a document must not
+/// make any file of the machine a part of the output.
 pub fn bring(store: &mut Store, files: &mut Files, embed: bool) -> Result<Vec<String>> {
-    let mut notes = Vec::new();
-    let from = folder(&store.document().path);
-    let moved = from.canonicalize().ok() != files.folder().canonicalize().ok();
+    let mut warnings = Vec::new();
+    let document = store.document().path.clone();
+    let moved = folder(&document).canonicalize().ok() != files.folder().canonicalize().ok();
     let mut places = Vec::new();
     find(&store.json, &mut String::new(), &mut places);
     for place in places {
-        let Some(uri) = store.json.pointer(&format!("{place}/uri")).and_then(Value::as_str) else { continue };
-        let image = embed && place.strip_prefix("/images/").is_some_and(|rest| !rest.contains('/'));
-        if let Some(bytes) = inline(uri).filter(|_| image) {
-            adopt(store, &place, bytes);
+        let Some(text) = store.json.pointer(&format!("{place}/uri")).and_then(Value::as_str) else { continue };
+        let image = place.strip_prefix("/images/").is_some_and(|rest| !rest.contains('/'));
+        if let Some(data) = uri::data(text) {
+            data.into_iter().filter(|_| image && embed).for_each(|bytes| adopt(store, &place, bytes));
             continue;
         }
-        let Some(name) = decode_uri(uri).filter(|_| image || moved) else { continue };
-        let path = from.join(&name);
-        match std::fs::read(&path) {
-            Err(e) => notes.push(format!("{}: {e}; the output names it all the same", path.display())),
-            Ok(bytes) if image && mime(&bytes).is_some() => adopt(store, &place, bytes),
-            Ok(bytes) if moved => {
-                let uri = files.copy(&name, &bytes)?;
-                if let Some(old) = store.json.pointer_mut(&format!("{place}/uri")) {
-                    *old = uri.into();
-                }
+        let Some(named) = Named::beside(&document, text).filter(|_| image && embed || moved) else { continue };
+        let bytes = match read(&named, image) {
+            Ok(bytes) => bytes,
+            Err(problem) => {
+                warnings.push(format!("{problem}; the output names it all the same"));
+                continue;
             }
-            Ok(_) => {}
+        };
+        if image && embed && mime(&bytes).is_some() {
+            adopt(store, &place, bytes);
+        } else if moved {
+            let new = files.copy(&named.name, &bytes)?;
+            if let Some(old) = store.json.pointer_mut(&format!("{place}/uri")) {
+                *old = new.into();
+            }
         }
     }
-    Ok(notes)
+    Ok(warnings)
+}
+
+/// The bytes of a file that goes along, or why it does not.
+fn read(named: &Named, image: bool) -> std::result::Result<Vec<u8>, String> {
+    let outside = || format!("{}: lies outside of the document's folder and is no picture", named.path.display());
+    if named.is_outside() && !image {
+        return Err(outside());
+    }
+    let bytes = uri::file(&named.path).map_err(|e: Error| e.to_string())?;
+    if named.is_outside() && mime(&bytes).is_none() { Err(outside()) } else { Ok(bytes) }
 }
 
 /// Makes a picture a part of the file, if its type is known.
@@ -50,12 +68,6 @@ fn adopt(store: &mut Store, place: &str, bytes: Vec<u8>) {
         image.insert("bufferView".into(), view.into());
         image.insert("mimeType".into(), mime.into());
     }
-}
-
-/// The bytes of a base64 `data:` URI.
-fn inline(uri: &str) -> Option<Vec<u8>> {
-    let (head, data) = uri.strip_prefix("data:")?.split_once(',')?;
-    head.ends_with(";base64").then(|| BASE64.decode(data).ok())?
 }
 
 /// JSON pointers of all objects with a `uri`, buffers and extras aside.

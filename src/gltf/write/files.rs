@@ -2,8 +2,11 @@
 //! the main file last; after a failure nothing is left behind. Files of the input are not overwritten, unless the
 //! output is the input itself.
 
-use crate::error::{Error, Result};
-use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, percent_decode_str, utf8_percent_encode};
+use crate::{
+    error::{Error, Result},
+    files,
+    gltf::uri::{self, Named},
+};
 use serde_json::Value;
 use std::io::Write;
 use std::path::{Component, Path, PathBuf};
@@ -74,7 +77,7 @@ impl Files {
             std::fs::create_dir_all(folder(&path)).map_err(|e| Error::writing(&path, e))?;
         }
         self.written.push((path.clone(), temporary(&path, &[bytes])?));
-        Ok(encode_uri(&name))
+        Ok(uri::encode(&name))
     }
 
     /// Writes the main file and gives all of them their names.
@@ -93,11 +96,7 @@ impl Files {
 
 fn temporary(path: &Path, parts: &[&[u8]]) -> Result<NamedTempFile> {
     let write = || {
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".luxel-");
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666)); // less what umask takes
-        let mut file = builder.tempfile_in(folder(path))?;
+        let mut file = files::temporary(path)?;
         parts.iter().try_for_each(|part| file.write_all(part))?;
         file.flush()?;
         Ok(file)
@@ -116,20 +115,8 @@ fn identity(path: &Path) -> PathBuf {
     path.canonicalize().ok().or_else(file).unwrap_or_else(|| path.into())
 }
 
-/// The file that a URI names, relative to the document; `None` for `data:`, `http:` and the like.
-pub fn decode_uri(uri: &str) -> Option<PathBuf> {
-    let scheme = uri.split('/').next().is_some_and(|first| first.contains(':'));
-    (!scheme).then(|| PathBuf::from(percent_decode_str(uri).decode_utf8_lossy().into_owned()))
-}
-
-/// A file name as a URI.
-pub fn encode_uri(name: &str) -> String {
-    const RESERVED: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'_').remove(b'~').remove(b'/');
-    utf8_percent_encode(name, RESERVED).to_string()
-}
-
 fn uris(json: &Value, key: &str, input: &Path) -> Vec<PathBuf> {
     let list = json.get(key).and_then(Value::as_array).into_iter().flatten();
-    let files = list.filter_map(|entry| decode_uri(entry.get("uri")?.as_str()?));
-    files.map(|file| identity(&folder(input).join(file))).collect()
+    let files = list.filter_map(|entry| Named::beside(input, entry.get("uri")?.as_str()?));
+    files.map(|file| identity(&file.path)).collect()
 }

@@ -13,7 +13,7 @@ use crate::{
     error::{Error, Result},
     gltf::Document,
     math,
-    pixels::png,
+    pixels::encode_png,
     scene::{Alpha, Instance, Mesh, Scene},
 };
 use glam::{DAffine3, DMat4, UVec2, Vec3};
@@ -23,7 +23,7 @@ use std::path::Path;
 
 /// Writes the lit instances with `pages` of radiance (rho E / pi + L, rows from the top) times `exposure` as sRGB.
 ///
-/// One page for each visible page of the atlas. Returns what the user should know, one sentence each.
+/// One page for each visible page of the atlas. Returns notes, one sentence each.
 pub fn write_flat(
     document: &Document,
     scene: &Scene,
@@ -32,18 +32,12 @@ pub fn write_flat(
     exposure: f32,
     path: &Path,
 ) -> Result<Vec<String>> {
-    let source = Document {
-        path: path.into(),
-        json: head(pages.len()),
-        buffers: Vec::new(),
-        is_glb: true,
-        external: Vec::new(),
-    };
+    let source = Document { path: path.into(), json: head(pages.len()), buffers: Vec::new(), external: Vec::new() };
     let mut store = Store::new(&source);
     for (size, radiance) in pages {
-        let texel = |v: &Vec3| (*v * exposure).to_array().map(|c| (math::linear_to_srgb(c) * 255.0 + 0.5) as u8);
+        let texel = |v: &Vec3| math::srgb(*v * exposure);
         let picture: Vec<[u8; 3]> = radiance.iter().map(texel).collect();
-        let picture = png::encode(*size, &picture).map_err(|e| Error::writing(path, std::io::Error::other(e)))?;
+        let picture = encode_png(*size, &picture).map_err(|e| Error::writing(path, e))?;
         let view = store.add_view(picture, Map::new());
         push(&mut store.json, "images", json!({ "bufferView": view, "mimeType": "image/png" }));
     }

@@ -44,9 +44,18 @@ pub struct WriteOptions {
     pub baked_lights: Vec<u32>,
 }
 
+/// What a writer has to say, one sentence each.
+#[derive(Clone, Debug, Default)]
+pub struct Remarks {
+    /// What may be wrong with the output.
+    pub warnings: Vec<String>,
+    /// What was done, and is as it should be.
+    pub notes: Vec<String>,
+}
+
 /// Writes `document` with `lightmaps` bound to it: a `.gltf` with files beside it, or, by any other name, a GLB.
 ///
-/// Returns what the user should know, one sentence each. On failure no file is left or changed.
+/// On failure no file is left or changed.
 pub fn write(
     document: &Document,
     scene: &Scene,
@@ -55,29 +64,29 @@ pub fn write(
     report: &Report,
     options: &WriteOptions,
     out: &Path,
-) -> Result<Vec<String>> {
+) -> Result<Remarks> {
     let glb = !companions::is_gltf(out);
     let mut store = Store::new(document);
     let mut files = Files::beside(out, &document.path, &document.json)?;
     bind::unbind(&mut store);
-    let mut notes = if atlas.kept { Vec::new() } else { vertices::lay_out(&mut store, scene, atlas)? };
+    let mut said = if atlas.kept { Remarks::default() } else { vertices::lay_out(&mut store, scene, atlas)? };
     if options.strip_lights {
         lights::strip(&mut store.json, &options.baked_lights);
     }
-    notes.extend(companions::bring(&mut store, &mut files, glb)?);
+    said.warnings.extend(companions::bring(&mut store, &mut files, glb)?);
 
     let pages = encode(lightmaps, options.float, out)?;
     let uris = if !glb || options.sidecar { add_pages(&pages, &mut files)? } else { Vec::new() };
-    let rectangles = bind::rectangles(scene, atlas, &mut notes);
+    let rectangles = bind::rectangles(scene, atlas, &mut said.warnings);
     if options.sidecar {
         let root = bind::root_data(lightmaps, &uris, report, options);
         files.add(".lightmap.json", &sidecar(root, scene, &rectangles))?;
     }
     let places = if glb { embed_pages(pages, &mut store) } else { uris };
     let root = bind::root_data(lightmaps, &places, report, options);
-    notes.extend(bind::bind(&mut store.json, root, &rectangles));
+    said.notes.extend(bind::bind(&mut store.json, root, &rectangles));
     if glb { container::write_glb(store, files, out) } else { container::write_gltf(store, files, out) }?;
-    Ok(notes)
+    Ok(said)
 }
 
 fn encode(lightmaps: &Lightmaps, float: bool, out: &Path) -> Result<Vec<Encoded>> {

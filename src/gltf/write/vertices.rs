@@ -2,6 +2,7 @@
 //! copied as they are; a primitive of which nothing is split keeps its accessors and gains one.
 
 use super::{
+    Remarks,
     accessor::{self, Elements, UNSIGNED_INT, UNSIGNED_SHORT, uint},
     sets::{self, LIGHTMAP, Place},
     store::Store,
@@ -21,8 +22,8 @@ pub const ARRAY_BUFFER: u32 = 34962;
 /// Vertex indices (bufferView.target).
 pub const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
-/// Puts the atlas' layouts into the meshes. Returns what the user should know.
-pub fn lay_out(store: &mut Store, scene: &Scene, atlas: &Atlas) -> Result<Vec<String>> {
+/// Puts the atlas' layouts into the meshes.
+pub fn lay_out(store: &mut Store, scene: &Scene, atlas: &Atlas) -> Result<Remarks> {
     let mut parts = Vec::new();
     for (mesh, layout) in scene.meshes.iter().zip(&atlas.layouts) {
         parts.extend(Part::of(store.document(), mesh, layout)?);
@@ -30,7 +31,7 @@ pub fn lay_out(store: &mut Store, scene: &Scene, atlas: &Atlas) -> Result<Vec<St
     let json = &store.json;
     let moves = parts.iter().filter_map(|p| Some((p.place, sets::refuge(json, sets::primitive(json, p.place)?)?)));
     let moves: BTreeMap<Place, u64> = moves.collect();
-    let mut notes: Vec<String> = parts.iter().filter_map(|p| p.doubt(json)).collect();
+    let warnings = parts.iter().filter_map(|p| p.doubt(json)).collect();
     let (mut arrays, mut dropped) = (Vec::new(), BTreeSet::new());
     for part in &parts {
         let bare = sets::primitive(&store.json, part.place).is_some_and(|p| lacks_first_set(&store.json, p));
@@ -41,12 +42,12 @@ pub fn lay_out(store: &mut Store, scene: &Scene, atlas: &Atlas) -> Result<Vec<St
         dropped.extend(found.detach(primitive, part.split.is_some()));
         arrays.extend(found.new);
     }
-    notes.extend(sets::repoint(&mut store.json, &moves));
+    let notes = sets::repoint(&mut store.json, &moves);
     store.free_accessors(&dropped);
     for array in arrays {
         array.attach(store);
     }
-    Ok(notes)
+    Ok(Remarks { warnings, notes })
 }
 
 /// True if TEXCOORD_0 is missing, or a copy of the lightmap's set that an earlier bake made and nothing reads.
