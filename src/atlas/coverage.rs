@@ -167,11 +167,14 @@ fn charted(world: &World, atlas: &Atlas) -> Vec<Charted> {
         let Some(p) = placement else { continue };
         let layout = &atlas.layouts[world.scene.instances[i].mesh as usize];
         let size = atlas.pages[p.page as usize].size.as_vec2();
-        let range = world.triangles_of(i);
-        let out = &mut charted[range.start as usize..range.end as usize];
-        for (out, t) in out.iter_mut().zip(&layout.triangles) {
-            let corners = t.map(|v| (p.offset + p.scale * layout.uv[v as usize]) * size);
-            *out = Charted { corners, page: p.page };
+        let start = world.triangles_of(i).start as usize;
+        // Unlit primitives have no light to map: a ray that meets them ends there.
+        let unlit = |material: u32| world.scene.materials[material as usize].unlit;
+        for primitive in world.mesh(i).primitives.iter().filter(|p| !unlit(p.material)) {
+            for t in primitive.triangles.clone().map(|t| t as usize) {
+                let corners = layout.triangles[t].map(|v| (p.offset + p.scale * layout.uv[v as usize]) * size);
+                charted[start + t] = Charted { corners, page: p.page };
+            }
         }
     }
     charted
@@ -188,11 +191,17 @@ fn fragments(world: &World, i: usize, triangle: u32, c: &Charted, size: UVec2, m
     }
     let [p, q, r] = c.exact();
     let last = size.as_dvec2() - 1.0;
-    let low = p.min(q).min(r).floor().clamp(DVec2::ZERO, last);
-    let high = p.max(q).max(r).floor().clamp(DVec2::ZERO, last);
-    for y in low.y as u32..=high.y as u32 {
-        for x in low.x as u32..=high.x as u32 {
-            let area = polygon.clipped_to_cell(DVec2::new(f64::from(x), f64::from(y))).area() / uv_area * world_area;
+    let rows = [p.y.min(q.y).min(r.y), p.y.max(q.y).max(r.y)].map(|y| y.floor().clamp(0.0, last.y) as u32);
+    for y in rows[0]..=rows[1] {
+        let strip = polygon.clipped_to_strip(1, f64::from(y));
+        let x = |pick: fn(f64, f64) -> f64, start: f64| strip.corners().iter().map(|c| c.x).fold(start, pick);
+        let columns = [x(f64::min, f64::INFINITY), x(f64::max, f64::NEG_INFINITY)];
+        if columns[0] > columns[1] {
+            continue;
+        }
+        let columns = columns.map(|x| x.floor().clamp(0.0, last.x) as u32);
+        for x in columns[0]..=columns[1] {
+            let area = strip.clipped_to_strip(0, f64::from(x)).area() / uv_area * world_area;
             if area as f32 > 0.0 {
                 found(y * size.x + x, Fragment { triangle, area: area as f32 });
             }

@@ -61,7 +61,9 @@ pub fn bake<'s>(scene: &'s Scene, options: &Options, observer: &dyn Observer) ->
     let mut r = Report::default();
     let mut clock = Clock::start();
 
+    plan::refuse(scene, None)?;
     let atlas = clock.time("atlas", || atlas::unwrap(scene, &options.atlas, &scene.file, observer, &mut r.warnings))?;
+    plan::refuse(scene, Some(&atlas))?;
     let world = World::new(scene);
     let coverage = clock.time("coverage", || Coverage::new(&world, &atlas));
     plan::announce(scene, &atlas, &coverage, options, observer)?;
@@ -76,8 +78,9 @@ pub fn bake<'s>(scene: &'s Scene, options: &Options, observer: &dyn Observer) ->
     let radiosity = clock.time("radiosity", || {
         Radiosity::solve(&transport, &patches, &direct, &sky, sources.gathered, Solver::default(), observer)
     })?;
-    let lightmaps =
-        clock.time("lightmaps", || Lightmaps::new(&atlas, &coverage, &patches, &direct, &radiosity, options.content));
+    let lightmaps = clock.time("lightmaps", || {
+        Lightmaps::new(&tracer.world, &atlas, &coverage, &patches, &direct, &radiosity, options.content)
+    });
 
     r.seconds = clock.seconds;
     r.energy = energy::balance(&patches, &transport, &direct, &sky, &radiosity);
@@ -85,6 +88,7 @@ pub fn bake<'s>(scene: &'s Scene, options: &Options, observer: &dyn Observer) ->
     plan::describe(&mut r, &tracer, &atlas, &coverage, &patches, &transport, &direct, &sources, &lightmaps);
     r.solver = radiosity.report;
     plan::warn(&mut r, options);
+    plan::warn_of_broken(&mut r, &lightmaps);
     let irradiance = (0..patches.len()).map(|p| direct.total(p) + radiosity.indirect[p]).collect();
     Ok(Baked { tracer, atlas, coverage, patches, irradiance, lightmaps, report: r })
 }

@@ -19,6 +19,32 @@ use std::collections::HashSet;
 /// Bytes that a bake needs beside its rows, by texel and by triangle (measured).
 const BYTES_A_TEXEL: u64 = 300;
 const BYTES_A_TRIANGLE: u64 = 250;
+const BYTES_A_PIXEL: u64 = 40;
+
+/// What to change when memory does not suffice.
+const REMEDY: &str = "lower --resolution or --texels-per-meter, or --rays";
+
+/// Refuses a scene or an atlas that would not fit before anything large is made of it.
+pub(super) fn refuse(scene: &Scene, atlas: Option<&Atlas>) -> Result<()> {
+    let pixels: u64 = atlas.map_or(0, pixels);
+    if pixels > u64::from(u32::MAX) {
+        return Err(Error::Usage(format!("{pixels} texels are more than an atlas can hold\n  {REMEDY}")));
+    }
+    let need_mb = (triangles(scene) * BYTES_A_TRIANGLE + pixels * BYTES_A_PIXEL) >> 20;
+    fits(need_mb, memory::free_mb())
+}
+
+fn fits(need_mb: u64, free_mb: u64) -> Result<()> {
+    if need_mb > free_mb { Err(Error::Memory { need_mb, free_mb, remedy: REMEDY.into() }) } else { Ok(()) }
+}
+
+fn triangles(scene: &Scene) -> u64 {
+    scene.instances.iter().map(|i| scene.meshes[i.mesh as usize].triangles.len() as u64).sum()
+}
+
+fn pixels(atlas: &Atlas) -> u64 {
+    atlas.pages.iter().map(|p| u64::from(p.size.x) * u64::from(p.size.y)).sum()
+}
 
 /// Says what is to come, and refuses what does not fit.
 pub(super) fn announce(
@@ -29,21 +55,16 @@ pub(super) fn announce(
     observer: &dyn Observer,
 ) -> Result<()> {
     let texels = coverage.texels.len() as u64;
-    let triangles: u64 = scene.instances.iter().map(|i| scene.meshes[i.mesh as usize].triangles.len() as u64).sum();
-    let pixels: u64 = atlas.pages.iter().map(|p| u64::from(p.size.x) * u64::from(p.size.y)).sum();
     let rays = texels * u64::from(options.rays);
     // Backs double the rows at worst.
     let sheets = scene.materials.iter().any(|m| m.double_sided);
     let rows = rays * 4 * if sheets { 2 } else { 1 };
-    let need_mb = (rows + texels * BYTES_A_TEXEL + triangles * BYTES_A_TRIANGLE + pixels * 40) >> 20;
+    let rest = texels * BYTES_A_TEXEL + triangles(scene) * BYTES_A_TRIANGLE + pixels(atlas) * BYTES_A_PIXEL;
+    let need_mb = (rows + rest) >> 20;
     let pages = atlas.pages.iter().filter(|p| !p.hidden).count();
     let free_mb = memory::free_mb();
     observer.plan(&format!("{texels} texels on {pages} page(s), {rays} rays, up to {need_mb} MB of {free_mb} MB free"));
-    if need_mb > free_mb {
-        let remedy = "lower --resolution or --texels-per-meter, or --rays".into();
-        return Err(Error::Memory { need_mb, free_mb, remedy });
-    }
-    Ok(())
+    fits(need_mb, free_mb)
 }
 
 /// Fills the report from the rooms.
@@ -106,7 +127,7 @@ pub(super) fn warn(r: &mut Report, options: &Options) {
             share(r.reflectance.capped_area)
         ));
     }
-    if r.reflectance.metallic_area > 0.0 {
+    if r.reflectance.metallic_area > 1e-3 * r.reflectance.area {
         r.warnings.push(format!(
             "{:.1} % of the surface is metallic and reflects no diffuse light",
             share(r.reflectance.metallic_area)
@@ -123,6 +144,16 @@ pub(super) fn warn(r: &mut Report, options: &Options) {
     }
     if !r.solver.converged {
         r.warnings.push(format!("the solver stopped at a relative error bound of {:.1e}", r.solver.relative_bound));
+    }
+}
+
+/// Says so if a value could not be kept.
+pub(super) fn warn_of_broken(r: &mut Report, lightmaps: &Lightmaps) {
+    if lightmaps.broken > 0 {
+        r.warnings.push(format!(
+            "{} texels came out infinite and were set to 0: is a light absurdly bright?",
+            lightmaps.broken
+        ));
     }
 }
 

@@ -7,7 +7,8 @@
 use crate::{
     math::luminance,
     patches::SurfacePoint,
-    scene::{Scene, World},
+    scene::{Material, Mesh, Scene, World},
+    trace::rounding,
 };
 use glam::{Vec2, Vec3};
 
@@ -15,6 +16,8 @@ use glam::{Vec2, Vec3};
 const EXACT: usize = 16;
 /// An inner node is opened while its radius exceeds this share of its distance.
 const OPEN: f32 = 0.25;
+/// A textured emitter's edge is seen as that many parts.
+const TEXTURE_PARTS: f32 = 8.0;
 /// Points at which a textured emitter is averaged.
 const TEXTURE_POINTS: u32 = 64;
 
@@ -23,7 +26,7 @@ const TEXTURE_POINTS: u32 = 64;
 pub(super) struct Emitters {
     triangles: Vec<Emitter>,
     /// Running sum of power; `cumulative[i]` is before triangle i.
-    cumulative: Vec<f32>,
+    cumulative: Vec<f64>,
     nodes: Vec<Node>,
 }
 
@@ -33,7 +36,8 @@ struct Emitter {
     area: f32,
     /// Mean radiance L.
     radiance: Vec3,
-    textured: bool,
+    /// Length, in texture coordinates, over which the emission texture is averaged; 0 without one.
+    footprint: f32,
     two_sided: bool,
     instance: usize,
     local: u32,
@@ -84,7 +88,7 @@ impl Emitters {
         }
         let mut cumulative = vec![0.0];
         for e in &triangles {
-            cumulative.push(cumulative[cumulative.len() - 1] + e.power());
+            cumulative.push(cumulative[cumulative.len() - 1] + f64::from(e.power()));
         }
         Emitters { triangles, cumulative, nodes }
     }
@@ -100,29 +104,30 @@ impl Emitters {
     }
 
     /// The nodes that light a texel of radius `reach` around `p`: leaves where they are near, inner nodes further away.
-    pub fn cut(&self, p: &SurfacePoint, reach: f32, cut: &mut Vec<Stratum>) {
+    /// `flat`: all of the texel faces as `p` does, so that what lies below is left out.
+    pub fn cut(&self, p: &SurfacePoint, reach: f32, flat: bool, cut: &mut Vec<Stratum>) {
         cut.clear();
         if !self.nodes.is_empty() {
-            self.descend(0, p, reach, cut);
+            self.descend(0, p, reach, flat, cut);
         }
     }
 
-    fn descend(&self, node: u32, p: &SurfacePoint, reach: f32, cut: &mut Vec<Stratum>) {
+    fn descend(&self, node: u32, p: &SurfacePoint, reach: f32, flat: bool, cut: &mut Vec<Stratum>) {
         let n = &self.nodes[node as usize];
         let v = n.center - p.position;
         let distance = v.length().max(n.radius).max(1e-12);
         // What a point of the texel may see of a point of the node, at most.
         let slack = (n.radius + reach) / distance;
-        let cos = v.dot(p.face).max(v.dot(p.normal)) / distance + slack;
+        let cos = if flat { v.dot(p.face) / distance + slack } else { 1.0 };
         if cos <= 0.0 {
             return;
         }
         if n.second != 0 && (self.are_few() || n.radius > OPEN * distance) {
-            self.descend(node + 1, p, reach, cut);
-            self.descend(n.second, p, reach, cut);
+            self.descend(node + 1, p, reach, flat, cut);
+            self.descend(n.second, p, reach, flat, cut);
             return;
         }
-        let mut power = self.cumulative[n.end as usize] - self.cumulative[n.begin as usize];
+        let mut power = (self.cumulative[n.end as usize] - self.cumulative[n.begin as usize]) as f32;
         if n.second == 0 {
             let leaf = &self.triangles[n.begin as usize];
             let cos = -v.dot(leaf.normal) / distance;
@@ -148,16 +153,18 @@ impl Emitters {
     }
 
     /// A point of the stratum, seen from `p`; `None` if it sends nothing there.
-    pub fn sample(&self, scene: &Scene, s: &Stratum, p: &SurfacePoint, u: Vec2, offset: f32) -> Option<Sample> {
+    pub fn sample(&self, scene: &Scene, s: &Stratum, p: &SurfacePoint, u: Vec2) -> Option<Sample> {
         let n = &self.nodes[s.node as usize];
         let (begin, end) = (self.cumulative[n.begin as usize], self.cumulative[n.end as usize]);
-        let at = begin + u.x * (end - begin);
+        let at = begin + f64::from(u.x) * (end - begin);
         let inside = &self.cumulative[n.begin as usize + 1..n.end as usize];
         let k = n.begin as usize + inside.partition_point(|&c| c <= at);
         let e = &self.triangles[k];
         let power = self.cumulative[k + 1] - self.cumulative[k];
-        let x = ((at - self.cumulative[k]) / power).clamp(0.0, 1.0);
-        let root = x.sqrt();
+        if power <= 0.0 {
+            return None;
+        }
+        let root = (((at - self.cumulative[k]) / power) as f32).clamp(0.0, 1.0).sqrt();
         let bary = Vec2::new(root * (1.0 - u.y), root * u.y);
         let [a, b, c] = e.corners;
         let point = a + (b - a) * bary.x + (c - a) * bary.y;
@@ -165,16 +172,16 @@ impl Emitters {
         if side < 0.0 && !e.two_sided {
             return None;
         }
-        let v = point + e.normal * (side * offset) - (p.position + p.face * offset);
+        let v = point + e.normal * (side * rounding(&e.corners)) - p.lifted();
         let distance = v.length();
         let direction = v / distance.max(1e-20);
         let (cos, cos_e) = (direction.dot(p.normal), -direction.dot(e.normal) * side);
         if cos <= 0.0 || cos_e <= 0.0 || direction.dot(p.face) <= 0.0 {
             return None;
         }
-        let radiance = if e.textured { e.radiance_at(scene, bary) } else { e.radiance };
+        let radiance = if e.footprint > 0.0 { e.radiance_at(scene, bary) } else { e.radiance };
         let geometry = cos * cos_e * e.area / (distance * distance * p.kept());
-        let weight = geometry * (end - begin) / power;
+        let weight = geometry * ((end - begin) / power) as f32;
         Some(Sample { direction, distance, irradiance: radiance * weight, mean: e.radiance * weight })
     }
 }
@@ -190,12 +197,12 @@ impl Emitter {
             normal: cross.normalize_or_zero(),
             area: cross.length() * 0.5,
             radiance: material.emission,
-            textured: material.emission_texture.is_some() || material.has_holes(),
+            footprint: texture_extent(mesh, material, local) / TEXTURE_PARTS,
             two_sided: material.double_sided,
             instance,
             local,
         };
-        if e.textured {
+        if e.footprint > 0.0 {
             let bary = |i: u32| {
                 let [x, y, ..] = sobol_burley::sample_4d(i, 0, 0x656d_6974);
                 Vec2::new(x.sqrt() * (1.0 - y), x.sqrt() * y)
@@ -212,7 +219,7 @@ impl Emitter {
 
     fn radiance_at(&self, scene: &Scene, bary: Vec2) -> Vec3 {
         let mesh = &scene.meshes[scene.instances[self.instance].mesh as usize];
-        let s = scene.surface(mesh, self.local, bary, 0.0);
+        let s = scene.surface(mesh, self.local, bary, self.footprint);
         s.emission * (Vec3::ONE - s.transmittance)
     }
 
@@ -229,6 +236,14 @@ impl Emitter {
         }
         polygon.edge_sum(p.normal).abs()
     }
+}
+
+/// Edge of a square as large as the triangle in the emission texture (or the one that cuts holes); 0 without a texture.
+fn texture_extent(mesh: &Mesh, material: &Material, local: u32) -> f32 {
+    let slot = material.emission_texture.as_ref().or(material.base_texture.as_ref().filter(|_| material.has_holes()));
+    let Some(set) = slot.and_then(|r| mesh.uvs.get(r.set as usize)).filter(|set| !set.is_empty()) else { return 0.0 };
+    let [a, b, c] = mesh.triangles[local as usize].map(|v| set[v as usize]);
+    (b - a).perp_dot(c - a).abs().sqrt()
 }
 
 /// A clipped triangle around the origin.
@@ -310,7 +325,7 @@ mod tests {
     use super::*;
 
     fn point(face: Vec3, normal: Vec3) -> SurfacePoint {
-        SurfacePoint { position: Vec3::ZERO, face, normal, triangle: 0, bary: Vec2::ZERO }
+        SurfacePoint { position: Vec3::ZERO, face, normal, triangle: 0, bary: Vec2::ZERO, offset: 0.0 }
     }
 
     #[test]

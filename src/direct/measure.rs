@@ -162,7 +162,7 @@ impl Task<'_> {
             book(tally, &mut r);
         }
         let middle = on_surface(Vec2::splat(0.5));
-        self.sources.emitters.cut(&middle, footprint.area().sqrt(), cut);
+        self.sources.emitters.cut(&middle, footprint.area().sqrt(), footprint.is_flat(), cut);
         let (near, far) = self.sources.emitters.divide(cut);
         let weight = |strata: &[Stratum]| strata.iter().map(|s| s.weight).sum::<f32>();
         let samples = |part: f32| {
@@ -274,8 +274,7 @@ impl Task<'_> {
 
     /// One shadow ray to a point of the stratum, worth `weight`.
     fn to_emitter(&self, stratum: &Stratum, p: &SurfacePoint, u: Vec2, weight: f32, tally: &mut Tally) {
-        let offset = self.tracer.offset();
-        let sample = self.sources.emitters.sample(self.sources.scene, stratum, p, u, offset);
+        let sample = self.sources.emitters.sample(self.sources.scene, stratum, p, u);
         if let Some(Sample { direction, distance, irradiance, mean }) = sample {
             let through = self.through(p, direction, distance * (1.0 - 1e-5));
             tally.add(mean * weight, irradiance * weight, through);
@@ -283,7 +282,7 @@ impl Task<'_> {
     }
 
     fn through(&self, p: &SurfacePoint, direction: Vec3, distance: f32) -> Vec3 {
-        self.tracer.transmittance(p.position + p.face * self.tracer.offset(), direction, distance)
+        self.tracer.transmittance(p.lifted(), direction, distance)
     }
 }
 

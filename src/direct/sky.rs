@@ -39,7 +39,7 @@ pub(super) struct Peaks {
     /// Texels that have a peak: picture coordinates of the corner, size, radiance of the peak.
     texels: Vec<(Vec2, Vec3)>,
     /// Running sum of each texel's luminous power.
-    cumulative: Vec<f32>,
+    cumulative: Vec<f64>,
     size: Vec2,
     map: SkyMap,
 }
@@ -49,13 +49,13 @@ impl Peaks {
     pub fn new(sky: &Sky) -> Option<Self> {
         let Sky::Map(map) = sky else { return None };
         let level = peak_level(map);
-        let (mut texels, mut cumulative, mut sum) = (Vec::new(), Vec::new(), 0.0);
+        let (mut texels, mut cumulative, mut sum) = (Vec::new(), Vec::new(), 0f64);
         let size = Vec2::new(1.0 / map.width as f32, 1.0 / map.height as f32);
         for (i, &l) in map.radiance.iter().enumerate() {
             let peak = l - smooth(l, level);
             if peak.max_element() > 0.0 {
                 let (x, y) = (i as u32 % map.width, i as u32 / map.width);
-                sum += luminance(peak).max(1e-20) * solid_angle(map, y);
+                sum += f64::from(luminance(peak).max(1e-20) * solid_angle(map, y));
                 texels.push((Vec2::new(x as f32, y as f32) * size, peak));
                 cumulative.push(sum);
             }
@@ -67,19 +67,19 @@ impl Peaks {
     /// A direction by the peaks' power, with its radiance over its probability, times cos over the kept share.
     pub fn aim(&self, p: &SurfacePoint, u: Vec2) -> Option<Aim> {
         let total = self.cumulative[self.cumulative.len() - 1];
-        let at = u.x * total;
+        let at = f64::from(u.x) * total;
         let k = self.cumulative.partition_point(|&c| c <= at).min(self.texels.len() - 1);
         let (corner, radiance) = self.texels[k];
         let before = if k == 0 { 0.0 } else { self.cumulative[k - 1] };
         let power = self.cumulative[k] - before;
-        let inside = Vec2::new(((at - before) / power).clamp(0.0, 1.0), u.y);
+        let inside = Vec2::new((((at - before) / power) as f32).clamp(0.0, 1.0), u.y);
         let direction = self.map.direction(corner + inside * self.size);
         let cos = direction.dot(p.normal);
         if cos <= 0.0 || direction.dot(p.face) <= 0.0 {
             return None;
         }
         // The texel is chosen by luminance times solid angle, the direction evenly inside it.
-        let irradiance = radiance / luminance(radiance).max(1e-20) * (total * cos / p.kept());
+        let irradiance = radiance / luminance(radiance).max(1e-20) * (total as f32 * cos / p.kept());
         Some(Aim { direction, distance: f32::INFINITY, irradiance })
     }
 }

@@ -11,10 +11,15 @@ pub use seams::jump_across_seams;
 use crate::{
     atlas::{Atlas, Coverage},
     direct::Direct,
+    math::luminance,
     patches::Patches,
     radiosity::Radiosity,
+    scene::World,
 };
 use glam::{UVec2, Vec3};
+
+/// Light inside an enclosure below this share of the mean outside has leaked in through texels that stand half outside.
+const LEAK: f64 = 0.02;
 
 /// What the maps hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -37,6 +42,8 @@ pub struct Lightmaps {
     pub content: Content,
     /// Texels whose front is buried and dark.
     pub buried: usize,
+    /// Texels whose value was not finite and is 0 instead.
+    pub broken: usize,
     /// Texels that show their back, because their front is buried and the back is lit.
     pub turned: usize,
 }
@@ -55,6 +62,7 @@ pub struct Map {
 impl Lightmaps {
     /// Lays the patches' irradiance out on the visible pages.
     pub fn new(
+        world: &World,
         atlas: &Atlas,
         coverage: &Coverage,
         patches: &Patches,
@@ -67,16 +75,21 @@ impl Lightmaps {
             Content::Direct => direct.lights[p],
             Content::Indirect => direct.surroundings(p) + radiosity.indirect[p],
         };
-        let lit = |p: usize| direct.total(p) + radiosity.indirect[p] != Vec3::ZERO;
-        let mut back_of = std::collections::HashMap::new();
+        let all = |p: usize| luminance(direct.total(p) + radiosity.indirect[p]);
+        let open = (0..patches.fronts).filter(|&p| !patches.buried[p]);
+        let (sum, count) = open.fold((0f64, 0), |(s, n), p| (s + f64::from(all(p)), n + 1));
+        let dim = (LEAK * sum / f64::from(count.max(1u32))) as f32;
+        let lit = |p: usize| all(p) > dim;
+        let mut back_of = vec![None; if patches.backs.is_empty() { 0 } else { patches.fronts }];
         for (k, &t) in patches.backs.iter().enumerate() {
-            back_of.insert(t as usize, patches.fronts + k);
+            back_of[t as usize] = Some(patches.fronts + k);
         }
+        let charts = Charts::new(world, atlas, coverage);
         let mut maps = Lightmaps { content, ..Lightmaps::default() };
         for (page, p) in atlas.pages.iter().enumerate().filter(|(_, p)| !p.hidden) {
             let pixels = coverage.grids[page].len();
             let mut map = Map { size: p.size, irradiance: vec![Vec3::ZERO; pixels], covered: vec![false; pixels] };
-            let mut empty = vec![true; pixels];
+            let mut state = vec![fill::State::Empty; pixels];
             for (pixel, &t) in coverage.grids[page].iter().enumerate() {
                 let t = t as usize;
                 if t >= patches.fronts {
@@ -84,19 +97,44 @@ impl Lightmaps {
                 }
                 map.covered[pixel] = true;
                 let buried = patches.buried[t] && !lit(t);
-                match back_of.get(&t).filter(|&&b| buried && lit(b) && !patches.buried[b]) {
-                    Some(&back) => {
-                        maps.turned += 1;
-                        (map.irradiance[pixel], empty[pixel]) = (value(back), false);
-                    }
-                    None if buried => maps.buried += 1,
-                    None => (map.irradiance[pixel], empty[pixel]) = (value(t), false),
+                let back = back_of.get(t).copied().flatten().filter(|&b| buried && lit(b) && !patches.buried[b]);
+                if buried && back.is_none() {
+                    maps.buried += 1;
+                    state[pixel] = fill::State::Buried(charts.of(t));
+                    continue;
                 }
+                maps.turned += usize::from(back.is_some());
+                let e = value(back.unwrap_or(t));
+                maps.broken += usize::from(!e.is_finite());
+                map.irradiance[pixel] = if e.is_finite() { e } else { Vec3::ZERO };
+                state[pixel] = fill::State::Full(charts.of(t));
             }
-            fill::gutters(&mut map, &empty);
+            fill::buried(&mut map, &mut state);
+            fill::gutters(&mut map, &state);
             maps.pages.push(map);
         }
         maps
+    }
+}
+
+/// Which chart a texel belongs to, by its largest piece.
+struct Charts<'a> {
+    world: &'a World<'a>,
+    atlas: &'a Atlas,
+    coverage: &'a Coverage,
+}
+
+impl<'a> Charts<'a> {
+    fn new(world: &'a World<'a>, atlas: &'a Atlas, coverage: &'a Coverage) -> Self {
+        Charts { world, atlas, coverage }
+    }
+
+    /// Instance and chart.
+    fn of(&self, texel: usize) -> (u32, u32) {
+        let largest = self.coverage.fragments_of(texel).iter().max_by(|a, b| a.area.total_cmp(&b.area));
+        let (instance, t) = largest.map_or((0, 0), |f| self.world.locate(f.triangle));
+        let mesh = self.world.scene.instances[instance].mesh as usize;
+        (instance as u32, self.atlas.layouts[mesh].charts[t as usize])
     }
 }
 

@@ -45,8 +45,7 @@ impl PointTable {
     /// The `pass`-th block for the texel at column `x`, row `y`.
     pub fn block(&self, x: u32, y: u32, pass: usize) -> &[Point] {
         let first = (y as usize % SIDE) * SIDE + x as usize % SIDE;
-        // An odd stride visits every block before it repeats one.
-        let b = (first + pass * 5) % self.blocks;
+        let b = (first + pass) % self.blocks;
         &self.points[b * self.block..(b + 1) * self.block]
     }
 }

@@ -24,12 +24,12 @@ impl Polygon {
 
     /// The part inside [min.x, min.x + 1] x [min.y, min.y + 1].
     pub fn clipped_to_cell(&self, min: DVec2) -> Self {
-        let mut p = *self;
-        for axis in 0..2 {
-            p = p.clipped(|c| c[axis] - min[axis]);
-            p = p.clipped(|c| min[axis] + 1.0 - c[axis]);
-        }
-        p
+        self.clipped_to_strip(1, min.y).clipped_to_strip(0, min.x)
+    }
+
+    /// The part between `min` and `min + 1` along an axis.
+    pub fn clipped_to_strip(&self, axis: usize, min: f64) -> Self {
+        self.clipped(|c| c[axis] - min).clipped(|c| min + 1.0 - c[axis])
     }
 
     /// Area, positive.

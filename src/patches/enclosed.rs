@@ -7,8 +7,8 @@ use crate::{
 };
 use glam::{UVec2, Vec2};
 
-/// Rays that decide.
-const PROBES: usize = 8;
+/// Rays that decide, at most: the first that sees anything else settles it.
+const PROBES: usize = 32;
 
 /// Looks around points. A point is enclosed if all it sees are backs, single-sided or not, that do not shine.
 pub struct Enclosure<'a> {
@@ -31,9 +31,8 @@ impl<'a> Enclosure<'a> {
     /// True if every probe from `p`, a point of the texel `at`, ends on a back. `turn` turns them about the normal.
     pub fn holds(&self, p: &SurfacePoint, at: UVec2, turn: Vec2) -> bool {
         let frame = Frame::around(p.face, turn);
-        let origin = p.position + p.face * self.tracer.offset();
         self.probes.block(at.x, at.y, 0).iter().enumerate().all(|(k, probe)| {
-            let hit = self.tracer.closest(origin, frame.to_world(probe.direction), k as u32);
+            let hit = self.tracer.closest(p.lifted(), frame.to_world(probe.direction), k as u32);
             hit.is_some_and(|h| self.may_enclose(&h))
         })
     }

@@ -1,6 +1,6 @@
 //! [`Footprint`]: points spread evenly over the surface inside a texel.
 
-use crate::{atlas::Coverage, math::Polygon, scene::World};
+use crate::{atlas::Coverage, math::Polygon, scene::World, trace::rounding};
 use glam::{DVec2, Vec2, Vec3};
 
 /// The surface inside one texel, cut into cells that are affine images of the unit square or its lower half.
@@ -29,6 +29,7 @@ struct Face {
     local: u32,
     normal: Vec3,
     smooth: bool,
+    offset: f32,
 }
 
 /// A point on a surface.
@@ -44,12 +45,19 @@ pub struct SurfacePoint {
     pub triangle: u32,
     /// Barycentrics (1 - x - y, x, y).
     pub bary: Vec2,
+    /// How far from the face a ray starts so as not to meet it, metres.
+    pub offset: f32,
 }
 
 impl SurfacePoint {
     /// The same point on the back of the surface.
     pub fn reversed(self) -> Self {
         SurfacePoint { face: -self.face, normal: -self.normal, ..self }
+    }
+
+    /// Where rays from here start: just above the face.
+    pub fn lifted(&self) -> Vec3 {
+        self.position + self.face * self.offset
     }
 
     /// Share of the cosine-weighted hemisphere about `normal` that lies above the face: (1 + cos a) / 2.
@@ -76,10 +84,16 @@ impl<'w> Footprint<'w> {
             let corners = world.corners(instance, local);
             let normal = world.cross(instance, &corners).normalize_or_zero();
             let smooth = world.is_smooth(instance, local, normal);
-            self.faces.push(Face { instance, triangle: fragment.triangle, local, normal, smooth });
+            let offset = rounding(&corners);
+            self.faces.push(Face { instance, triangle: fragment.triangle, local, normal, smooth, offset });
             let uv = coverage.charted[fragment.triangle as usize].exact();
             sum = self.cut(corners, uv, at, fragment.area, sum);
         }
+    }
+
+    /// True if all of it has one normal.
+    pub fn is_flat(&self) -> bool {
+        matches!(&self.faces[..], [one] if !one.smooth)
     }
 
     /// World area, m^2.
@@ -118,6 +132,7 @@ impl<'w> Footprint<'w> {
             },
             triangle: face.triangle,
             bary,
+            offset: face.offset,
         }
     }
 

@@ -19,6 +19,7 @@ use crate::{
     transport::Transport,
 };
 use glam::{Vec3, Vec4};
+use rayon::prelude::*;
 
 /// The solution.
 #[derive(Clone, Debug, Default)]
@@ -96,16 +97,19 @@ impl System<'_> {
         let mut report = SolverReport { name: solver.name(), entries: touched, ..SolverReport::default() };
         let mut x = vec![Vec4::ZERO; self.unknowns()];
         let mut mapped = x.clone();
-        let (mut least, mut idle) = (f64::INFINITY, 0);
+        let (mut least, mut idle, mut dark) = (f64::INFINITY, 0, 0.0);
         while report.iterations < LIMIT {
             check(observer)?;
             report.entries += self.map(&x, &mut mapped);
             report.iterations += 1;
-            let residual = x.iter().zip(&mapped).map(|(a, b)| (*a - *b).abs().max_element()).fold(0f32, f32::max);
-            let residual = f64::from(residual);
+            let residual = x.par_iter().zip(&mapped).map(|(a, b)| (*a - *b).abs().max_element());
+            let residual = f64::from(residual.reduce(|| 0.0, f32::max));
             report.residuals.push(residual);
             report.bound = residual * amplification;
-            report.relative_bound = report.bound / self.dark_mean(&mapped).max(1e-30);
+            if report.iterations % 8 == 1 || report.bound <= 2.0 * tolerance * dark {
+                dark = self.dark_mean(&mapped).max(1e-30);
+            }
+            report.relative_bound = report.bound / dark;
             report.converged = report.relative_bound <= tolerance || residual == 0.0;
             idle = if residual < least { 0 } else { idle + 1 };
             if report.converged || idle > PATIENCE {

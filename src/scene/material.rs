@@ -112,8 +112,11 @@ impl Scene {
             Alpha::Blend => 1.0 - base.w.clamp(0.0, 1.0),
         };
         let albedo = base.truncate().clamp(Vec3::ZERO, Vec3::ONE);
+        // Rays meet the surface with probability 1 - mean transmittance: what it reflects is given that they do.
+        let met = 1.0 - through * albedo.element_sum() / 3.0;
+        let reflectance = albedo * dielectric * ((1.0 - through) / met.max(1e-6));
         Surface {
-            reflectance: albedo * dielectric * (1.0 - through),
+            reflectance: reflectance.min(Vec3::ONE),
             emission: m.emission * look(&m.emission_texture).truncate(),
             transmittance: Vec3::splat(holes) + albedo * through * (1.0 - holes),
             dielectric,
@@ -143,6 +146,7 @@ impl Scene {
             }
             _ => Vec2::ZERO,
         };
+        let footprint = footprint * r.transform.matrix2.determinant().abs().sqrt();
         self.textures[r.texture as usize].sample(r.transform.transform_point2(uv), footprint)
     }
 }

@@ -60,7 +60,9 @@ pub(super) fn measure(
         backs.extend_from_slice(&wave);
         patches.add_backs(&wave);
         back = true;
-        observer.begin("transport: backs", wave.len() as u64);
+        if !wave.is_empty() {
+            observer.begin("transport: backs", wave.len() as u64);
+        }
     }
     renumber(&mut blocks, texels as u32, &backs, patches.len() as u32);
     for r in &rows {
@@ -157,8 +159,7 @@ impl<'a> Shooter<'a> {
         let p = footprint.point(point.place);
         let p = if from.back { p.reversed() } else { p };
         let direction = self.direction(&p, point, from, (pass, k));
-        let origin = p.position + p.face * self.tracer.offset();
-        Shot { point: p, origin, direction, key: hash(from.key, (pass * self.rays + k) as u32) }
+        Shot { point: p, origin: p.lifted(), direction, key: hash(from.key, (pass * self.rays + k) as u32) }
     }
 
     fn block(&self, texels: &[u32], back: bool, observer: &dyn Observer) -> (Block, Vec<Outcome>) {
