@@ -12,7 +12,7 @@ use crate::{
 };
 use glam::{DVec3, UVec2, Vec2, Vec3, Vec4, vec2, vec3};
 use luxel::{
-    atlas::{self, Density, Unwrap},
+    atlas::{self, Density},
     scene::{Alpha, LightKind, Material, Primitive},
 };
 
