@@ -4,8 +4,8 @@
 //! surfaces on one square page whose edge is a power of two, so that texel borders are exact in single precision.
 //! Charts keep two empty texels on every side. The default unwrapper may be used on the same scene.
 
-use glam::{DAffine3, UVec2, Vec2, Vec3};
-use luxel::scene::{Instance, Light, LightKind, Material, Mesh, Primitive, Scene};
+use glam::{Affine2, DAffine3, UVec2, Vec2, Vec3};
+use luxel::scene::{Instance, Light, LightKind, Material, Mesh, Primitive, Scene, Texture, TextureRef, Wrap};
 use std::f32::consts::PI;
 
 /// Empty texels on each side of a chart.
@@ -146,9 +146,23 @@ impl Stage {
     pub fn lay_out(&mut self) -> (u32, Vec<UVec2>) {
         let (edge, corners) = (4..14).find_map(|k| Some((1u32 << k, self.packed(1 << k)?))).expect("charts fit a page");
         for ((mesh, uv), corner) in self.scene.meshes.iter_mut().zip(&self.uv).zip(&corners) {
-            mesh.uvs = vec![Vec::new(), uv.iter().map(|p| (*p + corner.as_vec2()) / edge as f32).collect()];
+            mesh.uvs.resize(2, Vec::new());
+            mesh.uvs[1] = uv.iter().map(|p| (*p + corner.as_vec2()) / edge as f32).collect();
         }
         (edge, corners)
+    }
+
+    /// Gives a surface the texture coordinates of its chart, [0, 1] across it, as TEXCOORD_0.
+    pub fn paint(&mut self, chart: Chart) {
+        let size = self.sizes[chart].as_vec2();
+        self.scene.meshes[chart].uvs = vec![self.uv[chart].iter().map(|p| *p / size).collect()];
+    }
+
+    /// A texture of linear texels, rows from the top, read without a filter from TEXCOORD_0.
+    pub fn picture(&mut self, size: UVec2, texel: impl Fn(u32, u32) -> [u8; 4]) -> TextureRef {
+        let rgba = (0..size.y).flat_map(|y| (0..size.x).map(move |x| (x, y))).map(|(x, y)| texel(x, y)).collect();
+        self.scene.textures.push(Texture::new(size, rgba, false, [Wrap::Clamp; 2], true));
+        TextureRef { texture: self.scene.textures.len() as u32 - 1, set: 0, transform: Affine2::IDENTITY }
     }
 
     /// Shelves in the order of the surfaces; `None` if `edge` is too small.
