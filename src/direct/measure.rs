@@ -20,7 +20,7 @@ use rayon::prelude::*;
 /// Texels that one task takes.
 const CHUNK: usize = 256;
 /// Points at which a closed form is averaged over the texel.
-const EXACT_POINTS: usize = 4;
+const EXACT_POINTS: usize = 8;
 /// Blocks of points among which a partly enclosed texel looks for open ones.
 const BLOCKS: usize = 8;
 /// Relative standard error of a sampled cut that calls for more rays.
@@ -172,7 +172,7 @@ impl Task<'_> {
         let mut next = 0;
         for stratum in near {
             let n = samples(stratum.weight);
-            let tally = self.exact(stratum, (next..next + n).map(|k| &points[k % points.len()]), &on_surface, shift);
+            let tally = self.exact(stratum, points, next..next + n, &on_surface, shift);
             next += n;
             r.emitters += tally.arrived;
             book(tally, &mut r);
@@ -214,24 +214,24 @@ impl Task<'_> {
     }
 
     /// A leaf's closed form times the share that arrives.
-    fn exact<'p>(
+    fn exact(
         &self,
         stratum: &Stratum,
-        samples: impl Iterator<Item = &'p Point>,
+        points: &[Point],
+        samples: std::ops::Range<usize>,
         on_surface: &impl Fn(Vec2) -> SurfacePoint,
         shift: Vec2,
     ) -> Tally {
         let mut tally = Tally::default();
-        let (mut exact, mut n) = (Vec3::ZERO, 0);
-        for point in samples {
+        // The same points for all leaves: what their closed forms share between them sums up.
+        let few = &points[..points.len().min(EXACT_POINTS)];
+        let exact: Vec3 = few.iter().map(|p| self.sources.emitters.exact(stratum, &on_surface(p.place))).sum();
+        let exact = exact / few.len() as f32;
+        for k in samples {
+            let point = &points[k % points.len()];
             let p = on_surface(point.place);
-            if n < EXACT_POINTS {
-                exact += self.sources.emitters.exact(stratum, &p);
-                n += 1;
-            }
             self.to_emitter(stratum, &p, wrapped(point.extra + shift), 1.0, &mut tally);
         }
-        let exact = exact / n.max(1) as f32;
         let share = Vec3::select(tally.sent.cmpgt(Vec3::ZERO), tally.arrived / tally.sent, Vec3::ZERO);
         Tally { sent: exact, arrived: exact * share, ..tally }
     }

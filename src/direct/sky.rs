@@ -105,11 +105,18 @@ fn solid_angle(map: &SkyMap, row: u32) -> f32 {
 }
 
 fn each_texel(map: &SkyMap, mut f: impl FnMut(Vec3, f32, Vec3)) {
-    for y in 0..map.height {
-        let solid = solid_angle(map, y);
-        for x in 0..map.width {
-            let uv = Vec2::new((x as f32 + 0.5) / map.width as f32, (y as f32 + 0.5) / map.height as f32);
-            f(map.direction(uv), solid, map.radiance[(y * map.width + x) as usize]);
+    // Parts of a texel: several to each cell, however coarse the picture is.
+    let parts = (1024 / map.width.max(1)).clamp(1, 64);
+    let (width, height) = (map.width * parts, map.height * parts);
+    let share = |y: u32| {
+        let theta = |y: u32| libm::cosf(std::f32::consts::PI * y as f32 / height as f32);
+        std::f32::consts::TAU / width as f32 * (theta(y) - theta(y + 1))
+    };
+    for y in 0..height {
+        let solid = share(y);
+        for x in 0..width {
+            let uv = Vec2::new((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);
+            f(map.direction(uv), solid, map.radiance[(y / parts * map.width + x / parts) as usize]);
         }
     }
 }
