@@ -78,7 +78,7 @@ pub(super) fn measure(
     Ok(Measured { rows: Rows::new(blocks), stats })
 }
 
-/// The rays of the fronts' rows as origin, direction and key: what [`measure`] shoots first, for benchmarks.
+/// The rays of the fronts' rows as origin, direction and key: what [`Transport::measure`](super::Transport::measure) shoots first, for benchmarks.
 pub fn rays_of_rows(tracer: &Tracer, coverage: &Coverage, rays: u32) -> Vec<(Vec3, Vec3, u32)> {
     let shooter = Shooter::new(tracer, coverage, rays);
     let mut footprint = Footprint::new(&tracer.world, coverage);
