@@ -12,7 +12,7 @@ bake() { # IN OUT OPTION...
     local in=$1 result=$2
     shift 2
     echo "$(basename "$in") -> $(basename "$result") $*"
-    "$luxel" bake "$in" -o "$result" --quiet --resolution 128 --rays 16 "$@" >/dev/null
+    "$luxel" bake "$in" -o "$result" --quiet --resolution 512 --rays 4 "$@" >/dev/null
     node "$here/validator.mjs" --compare "$in" "$result"
 }
 
