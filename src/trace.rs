@@ -119,6 +119,7 @@ impl<'s> Tracer<'s> {
         through
     }
 
+    #[inline]
     fn ray(&self, origin: Vec3, direction: Vec3, t: f32) -> (Shear, Ray) {
         let origin = origin * self.scale;
         // A component of -0 would make the tree's box test and its reciprocal disagree on the side; adding 0 clears it.
@@ -146,12 +147,14 @@ struct Shear {
 }
 
 impl Shear {
+    #[inline(always)]
     fn new(origin: Vec3, direction: Vec3) -> Self {
         let z = direction.abs().max_position();
         let axes = [(z + 1) % 3, (z + 2) % 3, z];
         let d = direction.to_array();
         let slope = [d[axes[0]] / d[z], d[axes[1]] / d[z], 1.0 / d[z]];
-        Shear { axes, origin: axes.map(|a| origin[a]), slope }
+        let o = origin.to_array();
+        Shear { axes, origin: [o[axes[0]], o[axes[1]], o[axes[2]]], slope }
     }
 
     /// A corner across the ray, and its distance along it.
@@ -161,6 +164,12 @@ impl Shear {
         let at = |k: usize| p[self.axes[k]] - self.origin[k];
         let (x, y, z) = (at(0), at(1), at(2));
         [x - self.slope[0] * z, y - self.slope[1] * z, self.slope[2] * z]
+    }
+
+    /// All three; written out, since `map` over an array is not inlined here, and this is the innermost loop.
+    #[inline(always)]
+    fn corners(&self, c: &[Vec3; 3]) -> [[f32; 3]; 3] {
+        [self.corner(c[0]), self.corner(c[1]), self.corner(c[2])]
     }
 
     /// Twice the areas that the ray makes with the edges opposite to corners 0, 1 and 2, their signs exact: products of
@@ -174,8 +183,7 @@ impl Shear {
     /// Distance along the ray, infinite if it passes by.
     #[inline(always)]
     fn distance(&self, corners: &[Vec3; 3]) -> f32 {
-        // Written out: `map` over an array is not inlined here, and this is the innermost loop.
-        let c = [self.corner(corners[0]), self.corner(corners[1]), self.corner(corners[2])];
+        let c = self.corners(corners);
         let [u, v, w] = Self::edges(&c);
         if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
             return f32::INFINITY;
@@ -187,7 +195,7 @@ impl Shear {
 
     /// Barycentrics (1 - x - y, x, y) of the hit, and whether the corners run clockwise as the ray sees them.
     fn barycentrics(&self, corners: &[Vec3; 3]) -> (Vec2, bool) {
-        let [u, v, w] = Self::edges(&corners.map(|p| self.corner(p)));
+        let [u, v, w] = Self::edges(&self.corners(corners));
         let sum = u + v + w;
         // Shearing along a negative axis mirrors the plane.
         (glam::DVec2::new(v / sum, w / sum).as_vec2(), (sum > 0.0) == (self.slope[2] > 0.0))

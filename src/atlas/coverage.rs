@@ -113,7 +113,8 @@ impl Coverage {
     /// The covered texel at texel coordinates `at` of a page.
     #[inline]
     pub fn texel_at(&self, page: u32, at: Vec2) -> Option<u32> {
-        self.texel(page, at.floor().as_ivec2())
+        // Truncation is the floor of what is not negative; a hair below 0 belongs to the first texel.
+        self.texel(page, at.as_ivec2())
     }
 
     /// The covered texel at `at` on a triangle, or the one beside it where rounding put a hit just outside.
