@@ -42,7 +42,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let start = cpu_seconds();
         let hits: usize = batch
             .par_chunks(64 * rays as usize)
-            .map(|c| c.iter().filter(|(o, d, key)| tracer.closest(*o, *d, *key).is_some()).count())
+            .map_init(Vec::new, |hits, rays| {
+                tracer.closest_of_each(rays, hits);
+                hits.iter().flatten().count()
+            })
             .sum();
         (hits, batch.len() as f64 / (cpu_seconds() - start) / 1e6)
     };

@@ -3,7 +3,7 @@
 use super::SurfacePoint;
 use crate::{
     math::{Frame, PointTable},
-    trace::{Hit, Tracer},
+    trace::{Hit, Ray, Tracer},
 };
 use glam::{UVec2, Vec2, Vec3};
 
@@ -39,7 +39,8 @@ impl<'a> Enclosure<'a> {
         let turned = |d: Vec3| frame.to_world(turn.rotate(d.truncate()).extend(d.z));
         let probes = if *found < TRUST { PROBES } else { FEW };
         let enclosed = self.probes.block(at.x, at.y, *found).iter().take(probes).enumerate().all(|(k, probe)| {
-            let hit = self.tracer.closest(p.lifted(), turned(probe.direction), k as u32);
+            let ray = Ray { origin: p.lifted(), direction: turned(probe.direction), key: k as u32 };
+            let hit = self.tracer.closest(&ray);
             hit.is_some_and(|h| self.may_enclose(&h))
         });
         *found += usize::from(enclosed);

@@ -116,7 +116,7 @@ impl<'w> Footprint<'w> {
     }
 
     /// The point for `u` of the unit square; equal areas of the square are equal areas of surface.
-    #[inline]
+    #[inline(always)]
     pub fn point(&self, u: Vec2) -> SurfacePoint {
         let (cell, u) = match &self.cells[..] {
             [one] => (one, u),

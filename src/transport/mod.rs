@@ -57,6 +57,15 @@ pub struct Stats {
     pub lost: u64,
 }
 
+impl std::ops::AddAssign for Stats {
+    fn add_assign(&mut self, o: Self) {
+        self.traced += o.traced;
+        self.escaped += o.escaped;
+        self.dark += o.dark;
+        self.lost += o.lost;
+    }
+}
+
 impl Transport {
     /// Measures a row of `rays` rays at every patch, and tells `patches` which backs rays met and what is buried.
     pub fn measure(
