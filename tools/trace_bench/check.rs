@@ -34,7 +34,7 @@ pub struct Agreement {
     rays: usize,
     /// Same triangle, distance within 1e-6; or both miss.
     equal: usize,
-    /// Same triangle; distance within 1e-4, or within the rounding of its corners.
+    /// Same triangle; distance within 1e-4, or as far as the rounding of its corners moves it.
     close: usize,
     /// The ray passes an edge within rounding: neighbours that share a corner, or a hit against a miss.
     edge: usize,
@@ -140,27 +140,26 @@ fn verdict(corners: &[[Vec3; 3]], ray: &Ray, first: Hit, second: Hit) -> Verdict
     }
     let (near, is_first) = if a.0 <= b.0 { (a, true) } else { (b, false) };
     let triangle = &corners[near.1 as usize];
-    let (inside, t) = passage(triangle, ray);
+    let (inside, t, cos) = passage(triangle, ray);
     let rounding = f64::from(rounding(triangle)).max(f64::from(ray.origin.abs().max_element() * f32::EPSILON));
     if a.1 == b.1 {
-        let close = off <= CLOSE || off * f64::from(near.0) <= rounding;
+        let close = off <= CLOSE || off * f64::from(near.0) * cos <= rounding;
         // The same triangle at two distances: who is nearer to the true one is right.
         let first_is_off = (f64::from(a.0) - t).abs() > (f64::from(b.0) - t).abs();
         return if close { Verdict::Close } else { wrong(first_is_off) };
     }
     if off <= CLOSE {
-        let common = triangle
-            .iter()
-            .any(|c| corners[a.1.max(b.1) as usize].contains(c) && corners[a.1.min(b.1) as usize].contains(c));
+        let common = corners[a.1 as usize].iter().any(|c| corners[b.1 as usize].contains(c));
         return if common { Verdict::Edge } else { Verdict::Coincident };
     }
     if inside.abs() <= rounding {
         Verdict::Edge
-    } else if t.abs() <= rounding {
+    } else if t.abs() * cos <= rounding {
         Verdict::Start
     } else {
-        // A hit well outside was made up by the one who reports it, one well inside overlooked by the other.
-        wrong(is_first == (inside < 0.0))
+        // A hit well outside, or elsewhere, was made up by the one who reports it; else the other has overlooked it.
+        let elsewhere = (f64::from(near.0) - t).abs() * cos > rounding.max(CLOSE * t);
+        wrong(is_first == (inside < 0.0 || elsewhere))
     }
 }
 
@@ -168,8 +167,9 @@ fn wrong(first: bool) -> Verdict {
     if first { Verdict::FirstWrong } else { Verdict::SecondWrong }
 }
 
-/// How far inside the triangle a ray passes (metres across the ray; negative: outside), and where it meets its plane.
-fn passage(corners: &[Vec3; 3], ray: &Ray) -> (f64, f64) {
+/// How far inside the triangle a ray passes (metres across the ray; negative: outside), where it meets its plane, and
+/// the cosine between its direction and the normal there.
+fn passage(corners: &[Vec3; 3], ray: &Ray) -> (f64, f64, f64) {
     let d = ray.direction.as_dvec3();
     let (x, y) = d.normalize().any_orthonormal_pair();
     let c = corners.map(|c| c.as_dvec3() - ray.origin.as_dvec3());
@@ -184,7 +184,7 @@ fn passage(corners: &[Vec3; 3], ray: &Ray) -> (f64, f64) {
         (p + along * at).length()
     };
     let nearest = edges.into_iter().map(distance).fold(f64::INFINITY, f64::min);
-    (if inside { nearest } else { -nearest }, n.dot(c[0]) / n.dot(d))
+    (if inside { nearest } else { -nearest }, n.dot(c[0]) / n.dot(d), (n.dot(d) / n.length()).abs())
 }
 
 /// The closest hit among all triangles, in double precision.
