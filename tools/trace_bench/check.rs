@@ -38,7 +38,7 @@ pub struct Agreement {
     close: usize,
     /// The ray passes an edge within rounding: neighbours that share a corner, or a hit against a miss.
     edge: usize,
-    /// Different triangles without common corner at the same distance.
+    /// Different triangles without common corner, their distances as close.
     coincident: usize,
     /// The ray starts on a triangle within rounding, and only one sees it.
     start: usize,
@@ -142,13 +142,13 @@ fn verdict(corners: &[[Vec3; 3]], ray: &Ray, first: Hit, second: Hit) -> Verdict
     let triangle = &corners[near.1 as usize];
     let (inside, t, cos) = passage(triangle, ray);
     let rounding = f64::from(rounding(triangle)).max(f64::from(ray.origin.abs().max_element() * f32::EPSILON));
+    let close = off <= CLOSE || off * f64::from(near.0) * cos <= rounding;
     if a.1 == b.1 {
-        let close = off <= CLOSE || off * f64::from(near.0) * cos <= rounding;
         // The same triangle at two distances: who is nearer to the true one is right.
         let first_is_off = (f64::from(a.0) - t).abs() > (f64::from(b.0) - t).abs();
         return if close { Verdict::Close } else { wrong(first_is_off) };
     }
-    if off <= CLOSE {
+    if close {
         let common = corners[a.1 as usize].iter().any(|c| corners[b.1 as usize].contains(c));
         return if common { Verdict::Edge } else { Verdict::Coincident };
     }
