@@ -82,7 +82,7 @@ impl Caster for Tracer<'_> {
 pub fn towards_lamps(tracer: &Tracer, rays: &[Ray]) -> Vec<Ray> {
     let lamps: Vec<Vec3> = (0..4 * LAMPS)
         .filter_map(|k| {
-            let ray = rays.get((u64::from(hash(k, 0x6c61_6d70)) * rays.len() as u64 >> 32) as usize)?;
+            let ray = rays.get(keyed(k, 0x6c61_6d70, rays.len()))?;
             Caster::closest(tracer, ray).map(|(t, _)| ray.origin + ray.direction * (0.5 * t))
         })
         .take(LAMPS as usize)
@@ -102,6 +102,11 @@ pub fn towards_lamps(tracer: &Tracer, rays: &[Ray]) -> Vec<Ray> {
         rays.iter().filter_map(aim).collect::<Vec<_>>()
     };
     rays.par_chunks(RUN).enumerate().flat_map_iter(run).collect()
+}
+
+/// An index below `len`, by chance, the same at every run.
+pub fn keyed(k: u32, salt: u32, len: usize) -> usize {
+    ((u64::from(hash(k, salt)) * len as u64) >> 32) as usize
 }
 
 /// True if `v` points to the side on which the ray starts. The face is what lies right behind the start.

@@ -4,12 +4,11 @@
 //! the ray passes the triangle's edge by more than single precision can be off.
 
 use super::{
-    batch::{Caster, Hit, Ray},
+    batch::{Caster, Hit, Ray, keyed},
     embree::Scene,
 };
 use glam::{DVec2, DVec3, Vec3};
 use luxel::{
-    math::hash,
     scene::World,
     trace::{Tracer, rounding},
 };
@@ -82,8 +81,8 @@ pub fn compare(
         let hits = |ray: &Ray| (Caster::closest(tracer, ray), scene.closest(ray));
         out.push(occlusion(names, corners, shadow_rays, answers, hits));
     }
-    let sample = (TESTS / corners.len().max(1)).min(MOST);
-    let (rays, shadow_rays) = (keyed(rays, sample), keyed(shadow_rays, sample));
+    let count = (TESTS / corners.len().max(1)).min(MOST);
+    let (rays, shadow_rays) = (sample(rays, count), sample(shadow_rays, count));
     let truth: Vec<Hit> = rays.par_iter().map(|r| brute(corners, r)).collect();
     let segments: Vec<Hit> = shadow_rays.par_iter().map(|r| brute(corners, r)).collect();
     let blocked: Vec<bool> = segments.iter().zip(&shadow_rays).map(|(h, r)| until(*h, r).is_some()).collect();
@@ -207,11 +206,11 @@ fn brute(corners: &[[Vec3; 3]], ray: &Ray) -> Hit {
 }
 
 /// `count` of the rays, or all.
-fn keyed(rays: &[Ray], count: usize) -> Vec<Ray> {
+fn sample(rays: &[Ray], count: usize) -> Vec<Ray> {
     if rays.len() <= count {
         return rays.to_vec();
     }
-    (0..count as u32).map(|k| rays[(u64::from(hash(k, 0x7361_6d65)) * rays.len() as u64 >> 32) as usize]).collect()
+    (0..count as u32).map(|k| rays[keyed(k, 0x7361_6d65, rays.len())]).collect()
 }
 
 impl Agreement {
