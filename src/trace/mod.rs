@@ -9,15 +9,16 @@ use crate::{
     scene::World,
 };
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
 use simd::{Eight, LANES, Lanes, Level, Task};
-use tree::{Bounds, Tree};
+use tree::{Bounds, NOTHING, Node, Tree};
 use walk::{Meeting, Sheared, Triangles, Visit, walk};
 
 /// Rays against a scene.
 pub struct Tracer<'s> {
     /// The triangles it sees.
     pub world: World<'s>,
-    tree: Tree,
+    nodes: Vec<Node>,
     leaves: Vec<Triangles>,
     /// The tree's units a metre: a power of two, so that scaling rounds nothing.
     scale: f32,
@@ -68,28 +69,21 @@ struct Triangle {
 impl<'s> Tracer<'s> {
     /// Builds the tree over all triangles that have area.
     pub fn new(world: World<'s>) -> Self {
-        let mut triangles = Vec::with_capacity(world.len() as usize);
-        for (i, instance) in world.scene.instances.iter().enumerate() {
-            let mesh = world.mesh(i);
-            let mirrored = if instance.mirrored() { MIRRORED } else { 0 };
-            for p in &mesh.primitives {
-                let holes = if world.scene.materials[p.material as usize].has_holes() { HOLES } else { 0 };
-                for t in p.triangles.clone() {
-                    let corners = world.corners(i, t);
-                    if world.cross(i, &corners) != Vec3::ZERO {
-                        triangles.push(Triangle { corners, id: (world.triangles_of(i).start + t) | mirrored | holes });
-                    }
-                }
-            }
-        }
-        let extent = triangles.iter().flat_map(|t| t.corners).fold(0f32, |m, c| m.max(c.abs().max_element()));
+        let extent =
+            (0..world.scene.instances.len()).into_par_iter().map(|i| extent(&world, i)).reduce(|| 0.0, f32::max);
         let scale = if extent > 0.0 { libm::exp2f(libm::floorf(libm::log2f(EXTENT / extent))) } else { 1.0 };
-        triangles.iter_mut().for_each(|t| t.corners = t.corners.map(|c| c * scale));
-        let boxes: Vec<_> = triangles.iter().map(|t| Bounds::of(&t.corners)).collect();
+        let triangles: Vec<Triangle> =
+            (0..world.scene.instances.len()).into_par_iter().flat_map_iter(|i| triangles(&world, i, scale)).collect();
+        let boxes: Vec<Bounds> = triangles.par_iter().map(|t| Bounds::of(&t.corners)).collect();
         let tree = Tree::new(&boxes, scale * rounding(&[Vec3::splat(extent); 3]));
-        let leaves = tree.leaves.iter().map(|leaf| block(leaf.iter().map(|&i| &triangles[i as usize]))).collect();
+        let leaves = tree.leaves.par_iter().map(|leaf| Triangles::new(leaf, &triangles)).collect();
         let level = Level::available().pop().unwrap_or(Level::Portable);
-        Tracer { world, tree, leaves, scale, level }
+        Tracer { world, nodes: tree.nodes, leaves, scale, level }
+    }
+
+    /// Bytes held by nodes and triangles.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&self.nodes[..]) + size_of_val(&self.leaves[..])
     }
 
     /// The first surface along a ray. Alpha and transmission let it pass by chance, keyed by its key and the triangle.
@@ -112,9 +106,9 @@ impl<'s> Tracer<'s> {
 
     #[inline(always)]
     fn walk<S: Lanes, V: Visit>(&self, origin: Vec3, direction: Vec3, t: f32, visitor: &mut V) {
-        if !self.tree.nodes.is_empty() {
+        if !self.nodes.is_empty() {
             let ray = Sheared::new(origin * self.scale, direction);
-            walk::<S, V>(&self.tree.nodes, &self.leaves, &ray, t * self.scale, visitor);
+            walk::<S, V>(&self.nodes, &self.leaves, &ray, t * self.scale, visitor);
         }
     }
 
@@ -226,17 +220,40 @@ impl Visit for Through<'_> {
     }
 }
 
-fn block<'a>(triangles: impl Iterator<Item = &'a Triangle>) -> Triangles {
-    let mut block = Triangles { corners: [[Eight([f32::NAN; LANES]); 3]; 3], ids: [0; LANES] };
-    for (lane, t) in triangles.enumerate() {
-        for (c, p) in t.corners.iter().enumerate() {
-            for axis in 0..3 {
-                block.corners[c][axis].0[lane] = p[axis];
+impl Triangles {
+    fn new(leaf: &[u32; LANES], triangles: &[Triangle]) -> Self {
+        let mut block = Triangles { corners: [[Eight([f32::NAN; LANES]); 3]; 3], ids: [0; LANES] };
+        for (lane, &i) in leaf.iter().enumerate().filter(|(_, i)| **i != NOTHING) {
+            let t = &triangles[i as usize];
+            for (c, p) in t.corners.iter().enumerate() {
+                for axis in 0..3 {
+                    block.corners[c][axis].0[lane] = p[axis];
+                }
             }
+            block.ids[lane] = t.id;
         }
-        block.ids[lane] = t.id;
+        block
     }
-    block
+}
+
+/// Largest coordinate of an instance.
+fn extent(world: &World, instance: usize) -> f32 {
+    let corners = (0..world.mesh(instance).triangles.len() as u32).flat_map(|t| world.corners(instance, t));
+    corners.fold(0.0, |m, c| m.max(c.abs().max_element()))
+}
+
+/// The triangles of an instance that have area, in the tree's units.
+fn triangles<'a>(world: &'a World, instance: usize, scale: f32) -> impl Iterator<Item = Triangle> + 'a {
+    let (mesh, first) = (world.mesh(instance), world.triangles_of(instance).start);
+    let mirrored = if world.scene.instances[instance].mirrored() { MIRRORED } else { 0 };
+    mesh.primitives.iter().flat_map(move |p| {
+        let holes = if world.scene.materials[p.material as usize].has_holes() { HOLES } else { 0 };
+        p.triangles.clone().filter_map(move |t| {
+            let corners = world.corners(instance, t);
+            let solid = world.cross(instance, &corners) != Vec3::ZERO;
+            solid.then(|| Triangle { corners: corners.map(|c| c * scale), id: (first + t) | mirrored | holes })
+        })
+    })
 }
 
 #[cfg(test)]

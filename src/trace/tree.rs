@@ -17,8 +17,8 @@ use std::time::Duration;
 #[derive(Default)]
 pub struct Tree {
     pub nodes: Vec<Node>,
-    /// Primitives of the leaves: at most eight each.
-    pub leaves: Vec<Vec<u32>>,
+    /// Primitives of each leaf, then [`NOTHING`].
+    pub leaves: Vec<[u32; LANES]>,
 }
 
 /// Boxes of eight children and where they are.
@@ -30,6 +30,9 @@ pub struct Node {
     /// Index of a node, or of a leaf with [`LEAF`] set.
     pub children: [u32; LANES],
 }
+
+/// A lane of a leaf without a primitive.
+pub const NOTHING: u32 = u32::MAX;
 
 /// Marks a child that is a leaf.
 pub const LEAF: u32 = 1 << 31;
@@ -201,13 +204,15 @@ impl<'a> Collapse<'a> {
     }
 
     fn leaf(&self, i: usize, tree: &mut Tree) -> u32 {
-        let mut primitives = Vec::with_capacity(self.counts[i] as usize);
+        let (mut primitives, mut count) = ([NOTHING; LANES], 0);
         let mut stack = vec![i];
         while let Some(i) = stack.pop() {
             let node = &self.binary.nodes[i];
             let first = node.first_index as usize;
             if node.is_leaf() {
-                primitives.extend_from_slice(&self.binary.primitive_indices[first..first + node.prim_count as usize]);
+                let own = &self.binary.primitive_indices[first..first + node.prim_count as usize];
+                primitives[count..count + own.len()].copy_from_slice(own);
+                count += own.len();
             } else {
                 stack.extend([first, first + 1]);
             }
