@@ -161,6 +161,8 @@ impl Task for Closest<'_> {
 }
 
 impl Visit for Closest<'_> {
+    const ORDERED: bool = true;
+
     #[inline(always)]
     fn visit<S: Lanes>(&mut self, ray: &Sheared, leaf: &Triangles, meeting: Meeting<S>, t: f32) -> f32 {
         let (mut lanes, mut t) = (meeting.lanes, t);
@@ -202,6 +204,8 @@ impl Task for Through<'_> {
 }
 
 impl Visit for Through<'_> {
+    const ORDERED: bool = false;
+
     #[inline(always)]
     fn visit<S: Lanes>(&mut self, _: &Sheared, leaf: &Triangles, meeting: Meeting<S>, t: f32) -> f32 {
         let mut lanes = meeting.lanes;

@@ -71,6 +71,13 @@ impl Stack {
         self.len += 1;
     }
 
+    /// Puts `word` on top.
+    #[inline(always)]
+    pub fn push(&mut self, word: u64) {
+        self.words[self.len].write(word);
+        self.len += 1;
+    }
+
     #[inline(always)]
     pub fn pop(&mut self) -> Option<u64> {
         if self.len == 0 {

@@ -133,12 +133,15 @@ fn area<S: Lanes>(p: (S, S, S), q: (S, S, S)) -> S {
 
 /// What is done in a leaf.
 pub trait Visit {
+    /// Whether near leaves must come before far ones.
+    const ORDERED: bool;
+
     /// Given the triangles of a leaf, how the ray meets them and how far it reaches; returns how far it still reaches,
     /// zero ends it.
     fn visit<S: Lanes>(&mut self, ray: &Sheared, leaf: &Triangles, meeting: Meeting<S>, t: f32) -> f32;
 }
 
-/// Visits the leaves that the ray meets before `t`, nearest first.
+/// Visits the leaves that the ray meets before `t`.
 #[inline(always)]
 pub fn walk<S: Lanes, V: Visit>(nodes: &[Node], leaves: &[Triangles], ray: &Sheared, t: f32, visitor: &mut V) {
     let mut t = t;
@@ -162,9 +165,17 @@ pub fn walk<S: Lanes, V: Visit>(nodes: &[Node], leaves: &[Triangles], ray: &Shea
                     current = node.children[lane];
                     continue;
                 }
+                let base = stack.reserve();
+                if !V::ORDERED {
+                    while mask != 0 {
+                        stack.push(u64::from(node.children[mask.trailing_zeros() as usize]));
+                        mask &= mask - 1;
+                    }
+                    current = node.children[lane];
+                    continue;
+                }
                 let enter = enter.store();
                 let mut nearest = word(&enter, node, lane);
-                let base = stack.reserve();
                 while mask != 0 {
                     let next = word(&enter, node, mask.trailing_zeros() as usize);
                     mask &= mask - 1;
@@ -177,7 +188,7 @@ pub fn walk<S: Lanes, V: Visit>(nodes: &[Node], leaves: &[Triangles], ray: &Shea
         }
         loop {
             let Some(next) = stack.pop() else { return };
-            if f32::from_bits((next >> 32) as u32) < t {
+            if !V::ORDERED && t > 0.0 || f32::from_bits((next >> 32) as u32) < t {
                 current = next as u32;
                 break;
             }
