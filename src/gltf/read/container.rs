@@ -6,11 +6,8 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    gltf::{
-        Document,
-        document::External,
-        uri::{self, Named},
-    },
+    files,
+    gltf::{Document, document::External, uri::Named},
 };
 use serde_json::Value;
 use std::path::Path;
@@ -21,7 +18,7 @@ const BIN: u32 = 0x004E_4942;
 
 /// Reads `path` and the buffers it names; checks the version and the required extensions, nothing else.
 pub(super) fn open(path: &Path) -> Result<Document> {
-    let bytes = uri::file(path)?;
+    let bytes = files::read(path)?;
     let (json, bin) = if bytes.starts_with(MAGIC) { chunks(path, &bytes)? } else { (bytes.as_slice(), None) };
     let json = parse(path, json)?;
     version(path, &json)?;
