@@ -83,6 +83,15 @@ fn buffers(path: &Path, json: &Value, bin: Option<&[u8]>) -> Result<Vec<Vec<u8>>
         let length = buffer.get("byteLength").and_then(Value::as_u64);
         let length = length.ok_or_else(|| broken(path, &place, "has no byteLength"))?;
         let bytes = match (buffer.get("uri"), bin) {
+            (Some(Value::String(text)), _) if Named::beside(path, text).is_some_and(|named| named.is_outside()) => {
+                // What is read here may become a part of the output, whatever it is; pictures show what they are.
+                let remedy = "put the file beside the document, or export the scene as one .glb";
+                return Err(Error::unsupported(
+                    path,
+                    format!("{place}: {text}, outside of the document's folder,"),
+                    remedy,
+                ));
+            }
             (Some(Value::String(text)), _) => linked(path, text, &place)?,
             (Some(_), _) => return Err(broken(path, place, "its uri is not a string")),
             (None, Some(bin)) if i == 0 => bin.to_vec(),

@@ -34,7 +34,8 @@ impl Files {
             protected.extend(uris(json, "buffers", input));
         }
         if protected.contains(&identity(out)) {
-            return Err(Error::Usage(format!("{} would overwrite a part of the input", out.display())));
+            let what = format!("{}: would overwrite a part of the input", out.display());
+            return Err(Error::Usage(format!("{what}\n  choose another name")));
         }
         Ok(Files { protected, ..Files::new(out) })
     }
