@@ -181,6 +181,10 @@ fn broken_scenes_are_code_3_and_their_part_is_named() {
     refuses("", &["node "]);
     odd(&folder, |json| json["buffers"][0]["uri"] = "gone.bin".into());
     refuses("", &["buffer 0", "gone.bin"]);
+    odd(&folder, |json| json["buffers"][0]["uri"] = "../../secret.bin".into());
+    refuses("", &["buffer 0: ../../secret.bin", "outside of the document's folder", "beside the document"]);
+    odd(&folder, |json| json["nodes"][0]["scale"] = json!([1e30, 1e30, 1e30]));
+    refuses("", &["node 0", "larger than 1e9 metres", "scale it down"]);
     assert_eq!(folder.files(), ["odd.gltf", "room.gltf"]);
 }
 
@@ -289,6 +293,25 @@ fn a_bake_that_does_not_fit_is_refused_with_a_remedy() {
     assert_eq!((said.code, said.out.as_str()), (1, ""), "{}", said.err);
     assert!(said.err.contains("MB free") && said.err.contains("lower --resolution"), "{}", said.err);
     assert_eq!(folder.files(), ["room.gltf"]);
+}
+
+#[test]
+fn a_page_beyond_memory_is_refused_before_it_is_packed() {
+    // 40 GB for the pixels alone.
+    if luxel::memory::free_mb() > 40_000 {
+        return;
+    }
+    let said = Folder::new().luxel("bake room.gltf --resolution 32768");
+    assert!(said.code == 1 && said.err.contains("MB free"), "{}", said.err);
+    assert!(!said.err.contains("atlas"), "nothing was begun: {}", said.err);
+}
+
+#[test]
+fn a_node_without_a_texel_is_named() {
+    let folder = Folder::new();
+    let said = folder.luxel("bake room.gltf --texels-per-meter 1e-30 --rays 1");
+    assert_eq!(said.code, 0, "{}", said.err);
+    assert!(said.err.contains("node 0 \"Floor\" and 1 more: too small for a texel"), "{}", said.err);
 }
 
 #[test]
