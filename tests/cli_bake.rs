@@ -296,17 +296,6 @@ fn a_bake_that_does_not_fit_is_refused_with_a_remedy() {
 }
 
 #[test]
-fn a_page_beyond_memory_is_refused_before_it_is_packed() {
-    // 40 GB for the pixels alone.
-    if luxel::memory::free_mb() > 40_000 {
-        return;
-    }
-    let said = Folder::new().luxel("bake room.gltf --resolution 32768");
-    assert!(said.code == 1 && said.err.contains("MB free"), "{}", said.err);
-    assert!(!said.err.contains("atlas"), "nothing was begun: {}", said.err);
-}
-
-#[test]
 fn a_node_without_a_texel_is_named() {
     let folder = Folder::new();
     let said = folder.luxel("bake room.gltf --texels-per-meter 1e-30 --rays 1");

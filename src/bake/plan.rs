@@ -218,3 +218,17 @@ fn node(tracer: &Tracer, atlas: &Atlas, coverage: &Coverage, i: usize) -> NodeRe
             as u32,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_beyond_memory_is_refused_before_it_is_packed() {
+        let resolution = |n| atlas::Options { density: Density::Resolution(n), ..atlas::Options::default() };
+        assert!(refuse(&Scene::default(), &resolution(64), None).is_ok());
+        // 40 GB for the pixels alone.
+        let refused = refuse(&Scene::default(), &resolution(32768), None).is_err();
+        assert!(refused || memory::free_mb() > 40_000);
+    }
+}
