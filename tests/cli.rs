@@ -47,6 +47,8 @@ fn wrong_usage_is_code_2() {
         "bake room.gltf --bounces 3",
         "bake room.gltf other.gltf",
         "bake room.gltf -o room.obj",
+        "bake room.gltf -o a.glb/",
+        "bake room.gltf --report a/",
         "bake room.gltf -o folder.glb",
         "bake room.gltf -o room",
         "bake room.gltf --resolution 0",
@@ -89,6 +91,26 @@ fn an_unwrapper_that_was_not_built_is_named() {
 fn an_unknown_camera_is_answered_with_those_there_are() {
     let said = Folder::new().luxel("bake room.gltf --preview a.png --camera Nobody");
     assert!(said.err.contains("`Nobody`; it has `"), "{}", said.err);
+}
+
+#[test]
+fn the_terminal_is_not_steered_by_names() {
+    let folder = Folder::new();
+    let mut json: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.path("room.gltf")).unwrap()).unwrap();
+    json["meshes"][0]["name"] = "\u{1b}[2J".into();
+    json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = 77.into();
+    std::fs::write(folder.path("odd.gltf"), json.to_string()).unwrap();
+    let said = folder.luxel("bake odd.gltf");
+    assert!(said.code == 3 && said.err.contains("mesh 0 \"\u{fffd}[2J\""), "{}", said.err);
+    assert!(!said.err.contains('\u{1b}'), "{}", said.err);
+}
+
+#[test]
+fn remedies_fit_the_mistake() {
+    let folder = Folder::new();
+    let said = folder.luxel("bake room.gltf --exclude *");
+    assert!(said.err.contains("--exclude may leave out too much"), "{}", said.err);
 }
 
 #[test]

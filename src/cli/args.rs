@@ -44,8 +44,10 @@ pub struct Bake {
     #[arg(short, long = "output", value_name = "OUT")]
     pub output: Option<PathBuf>,
 
-    /// One page of N x N texels, the density chosen to fill it, 16 to 32768 [default: 1024]
-    #[arg(long, value_name = "N", help_heading = "Size", value_parser = edge())]
+    /// One page of N x N texels, the density chosen to fill it, 16 to 32768; where it cannot hold all charts, pages are
+    /// added, or made larger for a node that does not fit [default: 1024]
+    #[arg(long, value_name = "N", help_heading = "Size", value_parser = edge(),
+          allow_negative_numbers = true)]
     pub resolution: Option<u32>,
 
     /// Texels per metre, above 0, on as many pages as needed
@@ -53,7 +55,8 @@ pub struct Bake {
     pub texels_per_meter: Option<f64>,
 
     /// Largest edge of a page in texels, 16 to 32768 [default: 4096, or --resolution if that is more]
-    #[arg(long, value_name = "N", help_heading = "Size", value_parser = edge())]
+    #[arg(long, value_name = "N", help_heading = "Size", value_parser = edge(),
+          allow_negative_numbers = true)]
     pub page_size: Option<u32>,
 
     /// Use the author's TEXCOORD_1 as the lightmap's layout
@@ -70,12 +73,12 @@ pub struct Bake {
 
     /// Rays a texel for indirect light, 1 to 65536: half the noise for about three times the rays
     #[arg(long, value_name = "N", help_heading = "Effort", default_value = "256",
-          value_parser = RangedU64ValueParser::<u32>::new().range(1..=65536))]
+          value_parser = RangedU64ValueParser::<u32>::new().range(1..=65536), allow_negative_numbers = true)]
     pub rays: u32,
 
     /// Threads, 1 to 1024; the result does not depend on them [default: one a processor]
     #[arg(long, value_name = "N", help_heading = "Effort",
-          value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
+          value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024), allow_negative_numbers = true)]
     pub threads: Option<usize>,
 
     /// Radiance of the sky, one colour or an equirectangular picture (.exr, .hdr; +Y up, centre towards -Z), with a
@@ -220,6 +223,10 @@ mod tests {
 
     #[test]
     fn negative_numbers_are_values() {
+        for option in ["--resolution", "--page-size", "--rays", "--threads"] {
+            let said = parse(&[option, "-1"]).unwrap_err().to_string();
+            assert!(said.contains(&format!("invalid value '-1' for '{option}")), "{said}");
+        }
         let bake = parse(&["--sun", "-90,45,1000", "--preview", "a.png", "--camera", "-1,0,0,0,0,0"]).unwrap();
         assert!(bake.sun.is_some() && bake.camera.is_some());
     }

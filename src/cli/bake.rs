@@ -28,6 +28,7 @@ pub fn run(args: &args::Bake) -> Result<ExitCode> {
     let reading = gltf::ReadOptions { exclude: args.exclude.clone(), light_scale: args.light_scale };
     let gltf::Input { document, mut scene, warnings } = gltf::read(&args.input, &reading)?;
     outputs.spare(&document)?;
+    gltf::check(&document, &scene, args.keep_uv, &outputs.scene)?;
     let mut said = Warnings::default();
     said.add(warnings);
     said.add(lights::add(&mut scene, args.sky.as_ref(), args.sun.as_ref())?);
