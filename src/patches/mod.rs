@@ -7,7 +7,7 @@ mod enclosed;
 mod footprint;
 
 pub use enclosed::Enclosure;
-pub use footprint::{Footprint, SurfacePoint};
+pub use footprint::{Cell, Face, Footprint, SurfacePoint};
 
 use crate::{
     atlas::{Coverage, NO_PAGE},

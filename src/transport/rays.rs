@@ -10,8 +10,8 @@ use super::{
 use crate::{
     atlas::Coverage,
     error,
-    math::{CELLS, Point, PointTable, cell_of, hash, unit_float},
-    patches::{Enclosure, Footprint, Patches, Seen, SurfacePoint, seen},
+    math::{CELLS, Frame, Point, PointTable, cell_of, hash, unit_float},
+    patches::{Enclosure, Face, Footprint, Patches, Seen, SurfacePoint, seen},
     progress::{Observer, check},
     trace::{Hit, Ray, Tracer},
 };
@@ -107,6 +107,8 @@ struct Shooter<'a> {
 /// The side of a texel that shoots.
 struct Receiver<'a> {
     footprint: Footprint<'a>,
+    /// One for each of its faces, unless that is shaded smoothly.
+    facets: Vec<Option<Facet>>,
     at: UVec2,
     back: bool,
     key: u32,
@@ -114,6 +116,14 @@ struct Receiver<'a> {
     turn: Vec2,
     /// The point at which it begins, so that those beside it shoot into the same direction at the same time.
     first: usize,
+}
+
+/// What all rays from a flat face share.
+struct Facet {
+    /// From the face to where rays start.
+    lift: Vec3,
+    /// The axes of their directions, turned.
+    frame: Frame,
 }
 
 /// The end of a ray whose point may be enclosed.
@@ -161,14 +171,21 @@ impl<'a> Shooter<'a> {
             let key = hash(texel, u32::from(back));
             let share = unit_float(hash(key, 0x7475_726e));
             let angle = std::f32::consts::TAU * share;
+            let turn = Vec2::new(libm::cosf(angle), libm::sinf(angle));
             let mut footprint = Footprint::new(&self.tracer.world, self.coverage);
             footprint.set(texel as usize);
+            let facet = |face: &Face| {
+                let (lift, frame) = face.flat()?;
+                let (lift, frame) = if back { (-lift, frame.reversed()) } else { (lift, frame) };
+                Some(Facet { lift, frame: frame.turned(turn) })
+            };
             Receiver {
+                facets: footprint.faces().iter().map(facet).collect(),
                 footprint,
                 at: self.coverage.texels[texel as usize].at,
                 back,
                 key,
-                turn: Vec2::new(libm::cosf(angle), libm::sinf(angle)),
+                turn,
                 first: self.table.turned(share),
             }
         };
@@ -185,9 +202,18 @@ impl<'a> Shooter<'a> {
 
     #[inline(always)]
     fn ray(&self, receiver: &Receiver, point: &Point, k: usize) -> Ray {
-        let p = receiver.surface(point.place);
-        let direction = self.direction(&p, point, receiver, k);
-        Ray { origin: p.lifted(), direction, key: receiver.key.wrapping_add(k as u32) }
+        let key = receiver.key.wrapping_add(k as u32);
+        let (cell, at) = receiver.footprint.cell(point.place);
+        match &receiver.facets[cell.face as usize] {
+            Some(facet) => {
+                let direction = facet.frame.to_world(point.direction);
+                Ray { origin: cell.position(at) + facet.lift, direction, key }
+            }
+            None => {
+                let p = receiver.surface(point.place);
+                Ray { origin: p.lifted(), direction: self.direction(&p, point, receiver, k), key }
+            }
+        }
     }
 
     fn block(&self, texels: &[u32], back: bool, observer: &dyn Observer) -> Done {
@@ -343,7 +369,7 @@ impl Receiver<'_> {
 
     #[inline(always)]
     fn turned(&self, p: &SurfacePoint, point: &Point) -> Vec3 {
-        p.frame.to_world(self.turn.rotate(point.direction.truncate()).extend(point.direction.z))
+        p.frame.turned(self.turn).to_world(point.direction)
     }
 }
 
