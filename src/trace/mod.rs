@@ -12,7 +12,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use simd::{Eight, LANES, Lanes, Level, Task};
 use tree::{Bounds, NOTHING, Node, Tree};
-use walk::{Meeting, Sheared, Triangles, Visit, walk};
+use walk::{Candidates, Sheared, Triangles, Visit, walk};
 
 /// Rays against a scene.
 pub struct Tracer<'s> {
@@ -164,20 +164,17 @@ impl Visit for Closest<'_> {
     const ORDERED: bool = true;
 
     #[inline(always)]
-    fn visit<S: Lanes>(&mut self, ray: &Sheared, leaf: &Triangles, meeting: Meeting<S>, t: f32) -> f32 {
-        let (mut lanes, mut t) = (meeting.lanes, t);
-        let (at, v, w, area) = (meeting.t.store(), meeting.v.store(), meeting.w.store(), meeting.area.store());
+    fn visit(&mut self, leaf: &Triangles, candidates: &Candidates, t: f32) -> f32 {
+        let (mut lanes, mut t) = (candidates.lanes, t);
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize;
             lanes &= lanes - 1;
-            if at.0[lane] < t {
-                let (id, part) = (leaf.ids[lane], 1.0 / area.0[lane]);
-                let bary = Vec2::new(v.0[lane] * part, w.0[lane] * part);
-                if id & HOLES == 0 || !self.tracer.passes(id, bary, self.ray.key) {
-                    t = at.0[lane];
-                    let front = ray.clockwise(area.0[lane]) == (id & MIRRORED != 0);
-                    self.hit = Some(Hit { t, triangle: id & !(HOLES | MIRRORED), bary, front });
-                }
+            let Some(m) = candidates.meet(lane).filter(|m| m.t < t) else { continue };
+            let id = leaf.ids[lane];
+            if id & HOLES == 0 || !self.tracer.passes(id, m.bary, self.ray.key) {
+                t = m.t;
+                let front = m.clockwise == (id & MIRRORED != 0);
+                self.hit = Some(Hit { t, triangle: id & !(HOLES | MIRRORED), bary: m.bary, front });
             }
         }
         t
@@ -207,18 +204,14 @@ impl Visit for Through<'_> {
     const ORDERED: bool = false;
 
     #[inline(always)]
-    fn visit<S: Lanes>(&mut self, _: &Sheared, leaf: &Triangles, meeting: Meeting<S>, t: f32) -> f32 {
-        let mut lanes = meeting.lanes;
+    fn visit(&mut self, leaf: &Triangles, candidates: &Candidates, t: f32) -> f32 {
+        let mut lanes = candidates.lanes;
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize;
             lanes &= lanes - 1;
+            let Some(m) = candidates.meet(lane).filter(|m| m.t < t) else { continue };
             let id = leaf.ids[lane];
-            if id & HOLES == 0 {
-                self.through = Vec3::ZERO;
-            } else {
-                let (v, w, area) = (meeting.v.store(), meeting.w.store(), meeting.area.store());
-                self.through *= self.tracer.through(id, Vec2::new(v.0[lane], w.0[lane]) / area.0[lane]);
-            }
+            self.through *= if id & HOLES == 0 { Vec3::ZERO } else { self.tracer.through(id, m.bary) };
         }
         if self.through == Vec3::ZERO { 0.0 } else { t }
     }

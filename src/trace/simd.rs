@@ -19,16 +19,12 @@ pub trait Lanes: Copy {
     fn splat(x: f32) -> Self;
     fn load(x: &Eight) -> Self;
     fn store(self) -> Eight;
-    fn add(self, o: Self) -> Self;
     fn sub(self, o: Self) -> Self;
     fn mul(self, o: Self) -> Self;
-    fn div(self, o: Self) -> Self;
     /// `self < o ? self : o`
     fn min(self, o: Self) -> Self;
     /// `self > o ? self : o`
     fn max(self, o: Self) -> Self;
-    /// Lanes where `self < o`.
-    fn lt(self, o: Self) -> u32;
     /// Lanes where `self <= o`.
     fn le(self, o: Self) -> u32;
 }
@@ -173,10 +169,6 @@ impl Lanes for Portable {
         Eight(self.0)
     }
     #[inline(always)]
-    fn add(self, o: Self) -> Self {
-        self.zip(o, |a, b| a + b)
-    }
-    #[inline(always)]
     fn sub(self, o: Self) -> Self {
         self.zip(o, |a, b| a - b)
     }
@@ -185,20 +177,12 @@ impl Lanes for Portable {
         self.zip(o, |a, b| a * b)
     }
     #[inline(always)]
-    fn div(self, o: Self) -> Self {
-        self.zip(o, |a, b| a / b)
-    }
-    #[inline(always)]
     fn min(self, o: Self) -> Self {
         self.zip(o, |a, b| if a < b { a } else { b })
     }
     #[inline(always)]
     fn max(self, o: Self) -> Self {
         self.zip(o, |a, b| if a > b { a } else { b })
-    }
-    #[inline(always)]
-    fn lt(self, o: Self) -> u32 {
-        self.mask(o, |a, b| a < b)
     }
     #[inline(always)]
     fn le(self, o: Self) -> u32 {
@@ -239,10 +223,6 @@ mod avx2 {
             out
         }
         #[inline(always)]
-        fn add(self, o: Self) -> Self {
-            Avx2(unsafe { _mm256_add_ps(self.0, o.0) })
-        }
-        #[inline(always)]
         fn sub(self, o: Self) -> Self {
             Avx2(unsafe { _mm256_sub_ps(self.0, o.0) })
         }
@@ -251,20 +231,12 @@ mod avx2 {
             Avx2(unsafe { _mm256_mul_ps(self.0, o.0) })
         }
         #[inline(always)]
-        fn div(self, o: Self) -> Self {
-            Avx2(unsafe { _mm256_div_ps(self.0, o.0) })
-        }
-        #[inline(always)]
         fn min(self, o: Self) -> Self {
             Avx2(unsafe { _mm256_min_ps(self.0, o.0) })
         }
         #[inline(always)]
         fn max(self, o: Self) -> Self {
             Avx2(unsafe { _mm256_max_ps(self.0, o.0) })
-        }
-        #[inline(always)]
-        fn lt(self, o: Self) -> u32 {
-            unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(self.0, o.0)) as u32 }
         }
         #[inline(always)]
         fn le(self, o: Self) -> u32 {

@@ -1,14 +1,14 @@
 //! Rays through a [`Tree`]: nearest boxes first, eight boxes or eight triangles at a time.
 //!
 //! Triangle tests are watertight (Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2013): corners are
-//! sheared to the plane across the ray; a difference of two rounded products has the exact sign or is zero, and zero
-//! counts as inside for the triangles on both sides of an edge.
+//! sheared to the plane across the ray; a difference of two rounded products has the exact sign or is zero, and what passes
+//! is looked at again in double precision.
 
 use super::{
     simd::{Eight, LANES, Lanes, Stack},
     tree::{LEAF, Node},
 };
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 /// Triangles of one leaf, at most eight; lanes without one hold NaN, which no ray meets.
 #[derive(Clone)]
@@ -33,16 +33,45 @@ pub struct Sheared {
     slope: [f32; 3],
 }
 
-/// How a ray meets the triangles of a leaf.
-pub struct Meeting<S> {
-    /// Lanes that it meets.
+/// Triangles of a leaf that a ray seems to meet, as far as single precision can tell: those it meets are among them.
+pub struct Candidates {
+    /// Lanes, one bit each.
     pub lanes: u32,
-    /// Distance along the ray.
-    pub t: S,
-    /// Twice the signed areas, across the ray, opposite to the second and third corner, and of the whole triangle.
-    pub v: S,
-    pub w: S,
-    pub area: S,
+    /// Across the ray, and unscaled along it, of each corner.
+    corners: [[Eight; 3]; 3],
+    scale: f32,
+}
+
+/// Where a ray meets a triangle.
+pub struct Meeting {
+    /// Distance along the ray, in the tree's units.
+    pub t: f32,
+    /// Barycentrics (1 - x - y, x, y).
+    pub bary: Vec2,
+    /// True if the corners run clockwise as the ray sees them.
+    pub clockwise: bool,
+}
+
+impl Candidates {
+    /// In double precision, in which the areas' products are exact: single precision would put hits on slivers before the
+    /// start of a ray that leaves their plane, and meet triangles seen edge-on outside them.
+    #[inline(always)]
+    pub fn meet(&self, lane: usize) -> Option<Meeting> {
+        let x = |c: usize| f64::from(self.corners[c][0].0[lane]);
+        let y = |c: usize| f64::from(self.corners[c][1].0[lane]);
+        let z = |c: usize| f64::from(self.corners[c][2].0[lane]);
+        let u = x(1) * y(2) - y(1) * x(2);
+        let v = x(2) * y(0) - y(2) * x(0);
+        let w = x(0) * y(1) - y(0) * x(1);
+        let part = 1.0 / (u + v + w);
+        let t = ((u * z(0) + v * z(1) + w * z(2)) * part) as f32 * self.scale;
+        let inside = (u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0);
+        // Also false for the NaN of a ray in the triangle's plane.
+        let ahead = t > 0.0;
+        let bary = Vec2::new((v * part) as f32, (w * part) as f32);
+        // Shearing along a negative axis mirrors the plane.
+        (inside && ahead).then_some(Meeting { t, bary, clockwise: (part > 0.0) == (self.scale > 0.0) })
+    }
 }
 
 /// A component nearer to zero than this counts as this: no product of its inverse with a distance is a NaN.
@@ -90,22 +119,20 @@ impl Sheared {
         S::load(plane).sub(S::splat(self.origin[axis])).mul(S::splat(self.inverse[axis]))
     }
 
-    /// The triangles of a leaf that the ray meets before `t`.
+    /// The triangles of a leaf that the ray seems to meet.
     #[inline(always)]
-    fn triangles<S: Lanes>(&self, leaf: &Triangles, t: f32) -> Meeting<S> {
+    fn triangles<S: Lanes>(&self, leaf: &Triangles) -> Option<Candidates> {
         let a = self.corner::<S>(&leaf.corners[0]);
         let b = self.corner::<S>(&leaf.corners[1]);
         let c = self.corner::<S>(&leaf.corners[2]);
         let (u, v, w) = (area(b, c), area(c, a), area(a, b));
         let zero = S::splat(0.0);
-        let inside = zero.le(u.min(v).min(w)) | u.max(v).max(w).le(zero);
-        if inside == 0 {
-            return Meeting { lanes: 0, t: zero, v, w, area: zero };
+        let lanes = zero.le(u.min(v).min(w)) | u.max(v).max(w).le(zero);
+        if lanes == 0 {
+            return None;
         }
-        let depth = u.mul(a.2).add(v.mul(b.2)).add(w.mul(c.2)).mul(S::splat(self.slope[2]));
-        let area = u.add(v).add(w);
-        let distance = depth.div(area);
-        Meeting { lanes: inside & zero.lt(distance) & distance.lt(S::splat(t)), t: distance, v, w, area }
+        let corners = [stored(a), stored(b), stored(c)];
+        Some(Candidates { lanes, corners, scale: self.slope[2] })
     }
 
     /// Eight corners across the ray and, unscaled, along it.
@@ -117,12 +144,11 @@ impl Sheared {
         let y = S::load(&p[y]).sub(S::splat(self.origin[y])).sub(S::splat(self.slope[1]).mul(z));
         (x, y, z)
     }
+}
 
-    /// True if corners with this area run clockwise as the ray sees them: shearing along a negative axis mirrors the plane.
-    #[inline(always)]
-    pub fn clockwise(&self, area: f32) -> bool {
-        (area > 0.0) == (self.slope[2] > 0.0)
-    }
+#[inline(always)]
+fn stored<S: Lanes>(p: (S, S, S)) -> [Eight; 3] {
+    [p.0.store(), p.1.store(), p.2.store()]
 }
 
 /// Twice the signed area between the ray and two corners.
@@ -136,9 +162,9 @@ pub trait Visit {
     /// Whether near leaves must come before far ones.
     const ORDERED: bool;
 
-    /// Given the triangles of a leaf, how the ray meets them and how far it reaches; returns how far it still reaches,
-    /// zero ends it.
-    fn visit<S: Lanes>(&mut self, ray: &Sheared, leaf: &Triangles, meeting: Meeting<S>, t: f32) -> f32;
+    /// Given the triangles of a leaf, those that the ray seems to meet and how far it reaches; returns how far it still
+    /// reaches, zero ends it.
+    fn visit(&mut self, leaf: &Triangles, candidates: &Candidates, t: f32) -> f32;
 }
 
 /// Visits the leaves that the ray meets before `t`.
@@ -151,9 +177,8 @@ pub fn walk<S: Lanes, V: Visit>(nodes: &[Node], leaves: &[Triangles], ray: &Shea
     loop {
         if current & LEAF != 0 {
             let leaf = &leaves[(current & !LEAF) as usize];
-            let meeting = ray.triangles::<S>(leaf, t);
-            if meeting.lanes != 0 {
-                t = visitor.visit(ray, leaf, meeting, t);
+            if let Some(candidates) = ray.triangles::<S>(leaf) {
+                t = visitor.visit(leaf, &candidates, t);
             }
         } else {
             let node = &nodes[current as usize];

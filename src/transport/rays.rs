@@ -169,7 +169,7 @@ impl<'a> Shooter<'a> {
     fn receivers(&self, texels: &[u32], back: bool) -> Vec<Receiver<'_>> {
         let receiver = |&texel: &u32| {
             let key = hash(texel, u32::from(back));
-            let share = unit_float(hash(key, 0x7475_726e));
+            let share = unit_float(hash(key, 0x7475_7261));
             let angle = std::f32::consts::TAU * share;
             let turn = Vec2::new(libm::cosf(angle), libm::sinf(angle));
             let mut footprint = Footprint::new(&self.tracer.world, self.coverage);
