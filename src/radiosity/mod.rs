@@ -77,7 +77,7 @@ trait Method {
 
 /// Truncation error that is allowed, relative to the mean of the darker half.
 pub const TOLERANCE: f64 = 5e-4;
-/// More iterations than reflectance .9999 needs.
+/// More iterations than reflectance .9999 needs, whatever the spectrum.
 const LIMIT: usize = 1_000_000;
 /// Iterations without a smaller residual after which a method is not trusted any more.
 const PATIENCE: usize = 50;
@@ -115,17 +115,16 @@ impl System<'_> {
             check(observer)?;
             report.entries += self.map(&x, &mut mapped);
             report.iterations += 1;
-            let residual = x.par_iter().zip(&mapped).map(|(a, b)| (*a - *b).abs().max_element());
-            let residual = residual.reduce(|| 0.0, f64::max);
+            let residual = largest_difference(&x, &mapped);
             report.residuals.push(residual);
             let bound = if residual > 0.0 { residual * amplification } else { 0.0 };
             if report.iterations % 8 == 1 || bound <= 2.0 * tolerance * dark {
                 dark = self.dark_mean(&mapped).max(1e-30);
             }
-            report.bound = Some(bound);
-            report.relative_bound = Some(bound / dark);
-            report.converged = bound <= tolerance * dark;
-            if report.converged {
+            let relative = if bound.is_finite() { bound / dark } else { bound };
+            (report.bound, report.relative_bound) = (Some(bound), Some(relative));
+            report.converged = relative <= tolerance;
+            if report.converged || residual == f64::INFINITY {
                 break;
             }
             (least, idle) = if residual < least { (residual, 0) } else { (least, idle + 1) };
@@ -160,4 +159,13 @@ impl System<'_> {
         }
         Ok(Radiosity { indirect: self.at_patches(&x), report })
     }
+}
+
+/// In the max norm; infinite if anything is not finite.
+fn largest_difference(a: &[DVec3], b: &[DVec3]) -> f64 {
+    let difference = |(a, b): (&DVec3, &DVec3)| {
+        let d = (*a - *b).abs();
+        if d.is_finite() { d.max_element() } else { f64::INFINITY }
+    };
+    a.par_iter().zip(b).map(difference).reduce(|| 0.0, f64::max)
 }
