@@ -127,11 +127,10 @@ impl Dense {
         let mut a: Vec<Vec<f64>> = (0..n).map(row).collect();
         for p in 0..n {
             // Diagonally dominant: no pivots.
-            for i in (0..n).filter(|&i| i != p) {
-                let factor = a[i][p] / a[p][p];
-                for j in p..=n {
-                    a[i][j] -= factor * a[p][j];
-                }
+            let pivot = a[p].clone();
+            for (_, row) in a.iter_mut().enumerate().filter(|(i, _)| *i != p) {
+                let factor = row[p] / pivot[p];
+                row.iter_mut().zip(&pivot).for_each(|(a, b)| *a -= factor * b);
             }
         }
         times(&self.spread, &(0..n).map(|i| a[i][n] / a[i][i]).collect::<Vec<_>>())
