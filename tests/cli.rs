@@ -23,8 +23,8 @@ fn help_and_version_are_results() {
         assert_eq!((said.code, said.err.as_str()), (0, ""), "{arguments}");
     }
     let help = folder.luxel("bake --help").out;
-    for option in "--resolution --texels-per-meter --page-size --keep-uv --unwrap --exclude --rays --threads --sky --sun \
-                   --light-scale --max-reflectance --content --preview --camera --flat --sidecar --strip-lights --float \
+    for option in "--resolution --texels-per-meter --page-size --keep-uv --unwrap --exclude --rays --bounces --threads --sky --sun \
+                   --light-scale --max-reflectance --content --solver --preview --camera --flat --sidecar --strip-lights --float \
                    --report --quiet --strict Example"
         .split_whitespace()
     {
@@ -44,7 +44,10 @@ fn wrong_usage_is_code_2() {
     std::fs::write(folder.path("texture.png"), "").unwrap();
     for arguments in [
         "boil room.gltf",
-        "bake room.gltf --bounces 3",
+        "bake room.gltf --bounces -1",
+        "bake room.gltf --bounces some",
+        "bake room.gltf --bounces 65537",
+        "bake room.gltf --solver magic",
         "bake room.gltf other.gltf",
         "bake room.gltf -o room.obj",
         "bake room.gltf -o a.glb/",

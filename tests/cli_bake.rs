@@ -50,6 +50,28 @@ fn the_report_is_json_and_alone_on_stdout() {
 }
 
 #[test]
+fn bounces_and_solver_are_reported() {
+    let folder = Folder::new();
+    let report = |options: &str| -> Value {
+        let said = folder.luxel(&format!("bake room.gltf -o a.gltf {QUICK} --report - --quiet --strict {options}"));
+        assert_eq!((said.code, said.err.as_str()), (0, ""), "{options}");
+        serde_json::from_str::<Value>(&said.out).unwrap()["solver"].take()
+    };
+    let all = report("--solver jacobi");
+    assert_eq!((&all["name"], &all["bounces"], &all["converged"]), (&json!("jacobi"), &Value::Null, &json!(true)));
+    assert!(all["relative_bound"].as_f64().unwrap() <= luxel::radiosity::TOLERANCE);
+    for options in ["--bounces 2", "--bounces 2 --solver jacobi"] {
+        let some = report(options);
+        assert_eq!((&some["bounces"], &some["iterations"], &some["bound"]), (&json!(2), &json!(2), &Value::Null));
+    }
+    let file: Value = serde_json::from_slice(&std::fs::read(folder.path("a.gltf")).unwrap()).unwrap();
+    let short = &file["extensions"]["LUXEL_lightmap"]["report"];
+    assert!(short["bounces"] == 2 && short.get("relativeBound").is_none(), "{short}");
+    let said = folder.luxel(&format!("bake room.gltf {QUICK} --bounces 0"));
+    assert!(said.code == 0 && said.out.contains("neumann, bounces 0 to 0"), "{}{}", said.out, said.err);
+}
+
+#[test]
 fn every_wished_file_appears() {
     let folder = Folder::new();
     let options = "-o a.glb --preview a.png --flat flat.glb --report a.json --sidecar --float --strip-lights";

@@ -159,8 +159,8 @@ pub(super) fn warn(r: &mut Report, options: &Options) {
     if r.rays.lost as f64 > 1e-5 * r.rays.traced as f64 {
         r.warnings.push(format!("{} of {} rays met no texel: light is lost", r.rays.lost, r.rays.traced));
     }
-    if !r.solver.converged {
-        r.warnings.push(format!("the solver stopped at a relative error bound of {:.1e}", r.solver.relative_bound));
+    if let Some(bound) = r.solver.relative_bound.filter(|_| !r.solver.converged) {
+        r.warnings.push(format!("the solver stopped at a relative error bound of {bound:.1e}"));
     }
 }
 
