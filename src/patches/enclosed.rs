@@ -11,7 +11,7 @@ use glam::{UVec2, Vec2};
 /// few would mistake it for an enclosure.
 const PROBES: usize = 32;
 /// Points of a texel that must be found enclosed by all probes before [`FEW`] beside its ray are trusted for the others.
-const TRUST: usize = 4;
+const TRUST: usize = 2;
 const FEW: usize = 1;
 
 /// Looks around points. A point is enclosed if all it sees are backs, single-sided or not, that do not shine.

@@ -90,12 +90,13 @@ impl Sheared {
             2
         };
         let axes = [(z + 1) % 3, (z + 2) % 3, z];
-        let along = 1.0 / d[z];
         let clear = |k: usize| if a[k] < SMALLEST { SMALLEST } else { d[k] };
         let c = [clear(0), clear(1), clear(2)];
+        let inverse = [1.0 / c[0], 1.0 / c[1], 1.0 / c[2]];
+        let along = inverse[z];
         Sheared {
             origin: origin.to_array(),
-            inverse: [1.0 / c[0], 1.0 / c[1], 1.0 / c[2]],
+            inverse,
             down: [usize::from(c[0] < 0.0), usize::from(c[1] < 0.0), usize::from(c[2] < 0.0)],
             axes,
             slope: [d[axes[0]] * along, d[axes[1]] * along, along],
@@ -119,15 +120,22 @@ impl Sheared {
         S::load(plane).sub(S::splat(self.origin[axis])).mul(S::splat(self.inverse[axis]))
     }
 
-    /// The triangles of a leaf that the ray seems to meet.
+    /// The triangles of a leaf that the ray seems to meet before `t`.
     #[inline(always)]
-    fn triangles<S: Lanes>(&self, leaf: &Triangles) -> Option<Candidates> {
+    fn triangles<S: Lanes>(&self, leaf: &Triangles, t: f32) -> Option<Candidates> {
         let a = self.corner::<S>(&leaf.corners[0]);
         let b = self.corner::<S>(&leaf.corners[1]);
         let c = self.corner::<S>(&leaf.corners[2]);
         let (u, v, w) = (area(b, c), area(c, a), area(a, b));
         let zero = S::splat(0.0);
         let lanes = zero.le(u.min(v).min(w)) | u.max(v).max(w).le(zero);
+        if lanes == 0 {
+            return None;
+        }
+        // None of what lies behind its start or beyond `t` altogether.
+        let scale = S::splat(self.slope[2]);
+        let (i, j, k) = (a.2.mul(scale), b.2.mul(scale), c.2.mul(scale));
+        let lanes = lanes & zero.le(i.max(j).max(k)) & i.min(j).min(k).le(S::splat(t));
         if lanes == 0 {
             return None;
         }
@@ -177,8 +185,11 @@ pub fn walk<S: Lanes, V: Visit>(nodes: &[Node], leaves: &[Triangles], ray: &Shea
     loop {
         if current & LEAF != 0 {
             let leaf = &leaves[(current & !LEAF) as usize];
-            if let Some(candidates) = ray.triangles::<S>(leaf) {
+            if let Some(candidates) = ray.triangles::<S>(leaf, t) {
                 t = visitor.visit(leaf, &candidates, t);
+                if t <= 0.0 {
+                    return;
+                }
             }
         } else {
             let node = &nodes[current as usize];
@@ -213,7 +224,7 @@ pub fn walk<S: Lanes, V: Visit>(nodes: &[Node], leaves: &[Triangles], ray: &Shea
         }
         loop {
             let Some(next) = stack.pop() else { return };
-            if !V::ORDERED && t > 0.0 || f32::from_bits((next >> 32) as u32) < t {
+            if !V::ORDERED || f32::from_bits((next >> 32) as u32) < t {
                 current = next as u32;
                 break;
             }
