@@ -4,12 +4,15 @@ use crate::{direct::Direct, math::luminance, patches::Patches, transport::Transp
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
-/// I -> F (M + rho (D + P I)) for given light and reflectance; rgb in one lane each.
+/// I -> F (M + rho (D + P I)) for given light and reflectance; rgb in one lane each. Of F rho D, what direct light has
+/// sampled ([`Bounce`](crate::direct::Bounce)) is not taken from the rows.
 pub struct System<'t> {
     transport: &'t Transport,
-    /// M + rho D of each patch, then the exitance of each cell of the sky.
+    /// M + rho D of each patch, less what is sampled of it, then the exitance of each cell of the sky.
     source: Vec<Vec4>,
     reflectance: Vec<Vec4>,
+    /// Sampled light of the first bounce at each receiver; empty: none.
+    bounce: Vec<Vec4>,
     direct: Vec<Vec3>,
 }
 
@@ -19,14 +22,17 @@ const TERMS: usize = 4;
 impl<'t> System<'t> {
     /// `sky`: exitance of the sky's cells; `gathered`: rows carry the exitance of surfaces.
     pub fn new(transport: &'t Transport, patches: &Patches, direct: &Direct, sky: &[Vec3], gathered: bool) -> Self {
-        let direct: Vec<Vec3> = (0..patches.len()).map(|i| direct.total(i)).collect();
+        let sampled = |i: usize| direct.bounce.exitance.get(i).copied().unwrap_or_default();
+        let bounce = transport.receivers.iter().filter_map(|&i| direct.bounce.irradiance.get(i as usize));
+        let irradiance: Vec<Vec3> = (0..patches.len()).map(|i| direct.total(i)).collect();
         let exitance = |i: usize| if gathered { patches.exitance[i] } else { Vec3::ZERO };
-        let source = (0..patches.len()).map(|i| exitance(i) + patches.reflectance[i] * direct[i]);
+        let source = (0..patches.len()).map(|i| exitance(i) + patches.reflectance[i] * irradiance[i] - sampled(i));
         System {
             transport,
             source: source.chain(sky.iter().copied()).map(|v| v.extend(0.0)).collect(),
             reflectance: patches.reflectance.iter().map(|r| r.extend(0.0)).collect(),
-            direct,
+            bounce: bounce.map(|v| v.extend(0.0)).collect(),
+            direct: irradiance,
         }
     }
 
@@ -46,6 +52,7 @@ impl<'t> System<'t> {
             .zip(&self.reflectance)
             .for_each(|((b, source), reflectance)| *b = *source + *reflectance * *b);
         self.transport.rows.map_into(out, |row| row.sum(|c| radiosity[c as usize]));
+        out.par_iter_mut().zip(&self.bounce).for_each(|(out, b)| *out += *b);
         self.transport.rows.entries()
     }
 
