@@ -1,17 +1,44 @@
-//! Files that appear whole or not at all: written beside their target, then renamed.
+//! Files are read whole, if they are files at all, and appear whole or not at all: written beside their target, then
+//! renamed.
 
 use crate::error::{Error, Result};
 use std::{
-    io::{self, BufWriter, Write},
+    fs::File,
+    io::{self, BufWriter, Read, Write},
     path::Path,
 };
+
+/// Bytes of the largest file that is read: what a GLB can hold.
+const MAX_BYTES: u64 = 1 << 32;
+
+/// The bytes of an ordinary file (a device or a pipe could go on for ever).
+pub fn read(path: &Path) -> Result<Vec<u8>> {
+    let read = || {
+        let found = std::fs::metadata(path)?;
+        if !found.is_file() {
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, "is not an ordinary file"));
+        }
+        let mut bytes = Vec::new();
+        if found.len() <= MAX_BYTES {
+            bytes.reserve(found.len() as usize);
+            File::open(path)?.take(MAX_BYTES + 1).read_to_end(&mut bytes)?;
+        }
+        if found.len().max(bytes.len() as u64) > MAX_BYTES {
+            return Err(io::Error::new(io::ErrorKind::FileTooLarge, "is larger than 4 GB"));
+        }
+        Ok(bytes)
+    };
+    read().map_err(|e| Error::reading(path, e))
+}
 
 /// Writes the file `path` by `fill`; nothing changes on disk if anything fails.
 pub fn write_whole(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     let attempt = || {
-        let mut out = BufWriter::new(temporary(path)?);
+        let mut file = temporary(path)?;
+        let mut out = BufWriter::new(file.as_file_mut());
         fill(&mut out)?;
-        let file = out.into_inner().map_err(io::IntoInnerError::into_error)?;
+        out.flush()?;
+        drop(out);
         file.persist(path).map_err(|e| e.error)
     };
     attempt().map(drop).map_err(|e| Error::writing(path, e))
@@ -52,6 +79,12 @@ mod tests {
         assert_eq!(failed.unwrap_err().exit_code(), 1);
         assert_eq!(std::fs::read(&path).unwrap(), b"old");
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn devices_are_no_files() {
+        assert!(read(Path::new("/dev/zero")).unwrap_err().to_string().contains("/dev/zero: is not an ordinary file"));
     }
 
     #[test]

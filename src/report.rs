@@ -129,26 +129,28 @@ pub struct EnergyReport {
     pub absorbed: f64,
     /// Light that left the scene or ended on backs.
     pub escaped: f64,
-    /// (absorbed + escaped) / emitted - 1.
+    /// (absorbed + escaped) / emitted - 1; light that a limit on bounces dropped is missing here.
     pub imbalance: f64,
 }
 
 /// The solver's way to its answer.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct SolverReport {
-    /// Name of the solver.
+    /// Name of the solver; `neumann` for a truncated sum.
     pub name: &'static str,
+    /// Bounces after which light was dropped; none: all bounces.
+    pub bounces: Option<u32>,
     /// Iterations.
     pub iterations: usize,
     /// Matrix entries touched.
     pub entries: u64,
-    /// Largest true residual (irradiance) after each iteration.
+    /// Largest true residual (irradiance) after each iteration; none for a truncated sum.
     pub residuals: Vec<f64>,
-    /// Bound on the largest truncation error (irradiance).
-    pub bound: f64,
+    /// Bound on the largest truncation error (irradiance); none for a truncated sum.
+    pub bound: Option<f64>,
     /// The same, relative to the mean of the darker half.
-    pub relative_bound: f64,
-    /// False if the iteration limit came first.
+    pub relative_bound: Option<f64>,
+    /// True if the bound came below the tolerance; a truncated sum has no bound.
     pub converged: bool,
 }
 

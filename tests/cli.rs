@@ -23,8 +23,8 @@ fn help_and_version_are_results() {
         assert_eq!((said.code, said.err.as_str()), (0, ""), "{arguments}");
     }
     let help = folder.luxel("bake --help").out;
-    for option in "--resolution --texels-per-meter --page-size --keep-uv --unwrap --exclude --rays --threads --sky --sun \
-                   --light-scale --max-reflectance --content --preview --camera --flat --sidecar --strip-lights --float \
+    for option in "--resolution --texels-per-meter --page-size --keep-uv --unwrap --exclude --rays --bounces --threads --sky --sun \
+                   --light-scale --max-reflectance --content --solver --preview --camera --flat --sidecar --strip-lights --float \
                    --report --quiet --strict Example"
         .split_whitespace()
     {
@@ -44,9 +44,14 @@ fn wrong_usage_is_code_2() {
     std::fs::write(folder.path("texture.png"), "").unwrap();
     for arguments in [
         "boil room.gltf",
-        "bake room.gltf --bounces 3",
+        "bake room.gltf --bounces -1",
+        "bake room.gltf --bounces some",
+        "bake room.gltf --bounces 65537",
+        "bake room.gltf --solver magic",
         "bake room.gltf other.gltf",
         "bake room.gltf -o room.obj",
+        "bake room.gltf -o a.glb/",
+        "bake room.gltf --report a/",
         "bake room.gltf -o folder.glb",
         "bake room.gltf -o room",
         "bake room.gltf --resolution 0",
@@ -89,6 +94,26 @@ fn an_unwrapper_that_was_not_built_is_named() {
 fn an_unknown_camera_is_answered_with_those_there_are() {
     let said = Folder::new().luxel("bake room.gltf --preview a.png --camera Nobody");
     assert!(said.err.contains("`Nobody`; it has `"), "{}", said.err);
+}
+
+#[test]
+fn the_terminal_is_not_steered_by_names() {
+    let folder = Folder::new();
+    let mut json: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.path("room.gltf")).unwrap()).unwrap();
+    json["meshes"][0]["name"] = "\u{1b}[2J".into();
+    json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = 77.into();
+    std::fs::write(folder.path("odd.gltf"), json.to_string()).unwrap();
+    let said = folder.luxel("bake odd.gltf");
+    assert!(said.code == 3 && said.err.contains("mesh 0 \"\u{fffd}[2J\""), "{}", said.err);
+    assert!(!said.err.contains('\u{1b}'), "{}", said.err);
+}
+
+#[test]
+fn remedies_fit_the_mistake() {
+    let folder = Folder::new();
+    let said = folder.luxel("bake room.gltf --exclude *");
+    assert!(said.err.contains("--exclude may leave out too much"), "{}", said.err);
 }
 
 #[test]

@@ -50,6 +50,28 @@ fn the_report_is_json_and_alone_on_stdout() {
 }
 
 #[test]
+fn bounces_and_solver_are_reported() {
+    let folder = Folder::new();
+    let report = |options: &str| -> Value {
+        let said = folder.luxel(&format!("bake room.gltf -o a.gltf {QUICK} --report - --quiet --strict {options}"));
+        assert_eq!((said.code, said.err.as_str()), (0, ""), "{options}");
+        serde_json::from_str::<Value>(&said.out).unwrap()["solver"].take()
+    };
+    let all = report("--solver jacobi");
+    assert_eq!((&all["name"], &all["bounces"], &all["converged"]), (&json!("jacobi"), &Value::Null, &json!(true)));
+    assert!(all["relative_bound"].as_f64().unwrap() <= luxel::radiosity::TOLERANCE);
+    for options in ["--bounces 2", "--bounces 2 --solver jacobi"] {
+        let some = report(options);
+        assert_eq!((&some["bounces"], &some["iterations"], &some["bound"]), (&json!(2), &json!(2), &Value::Null));
+    }
+    let file: Value = serde_json::from_slice(&std::fs::read(folder.path("a.gltf")).unwrap()).unwrap();
+    let short = &file["extensions"]["LUXEL_lightmap"]["report"];
+    assert!(short["bounces"] == 2 && short.get("relativeBound").is_none(), "{short}");
+    let said = folder.luxel(&format!("bake room.gltf {QUICK} --bounces 0"));
+    assert!(said.code == 0 && said.out.contains("neumann, bounces 0 to 0"), "{}{}", said.out, said.err);
+}
+
+#[test]
 fn every_wished_file_appears() {
     let folder = Folder::new();
     let options = "-o a.glb --preview a.png --flat flat.glb --report a.json --sidecar --float --strip-lights";
@@ -181,7 +203,105 @@ fn broken_scenes_are_code_3_and_their_part_is_named() {
     refuses("", &["node "]);
     odd(&folder, |json| json["buffers"][0]["uri"] = "gone.bin".into());
     refuses("", &["buffer 0", "gone.bin"]);
+    odd(&folder, |json| json["buffers"][0]["uri"] = "../../secret.bin".into());
+    refuses("", &["buffer 0: ../../secret.bin", "outside of the document's folder", "beside the document"]);
+    odd(&folder, |json| json["nodes"][0]["scale"] = json!([1e30, 1e30, 1e30]));
+    refuses("", &["node 0", "larger than 1e9 metres", "scale it down"]);
     assert_eq!(folder.files(), ["odd.gltf", "room.gltf"]);
+}
+
+#[test]
+fn what_only_the_writer_reads_is_checked_before_tracing() {
+    let folder = Folder::new();
+    // A tetrahedron has vertices to split, and so tangents to copy.
+    odd(&folder, |json| {
+        let indices: Vec<u8> = [0u16, 1, 2, 0, 2, 3, 0, 3, 1, 1, 3, 2].iter().flat_map(|i| i.to_le_bytes()).collect();
+        let corners = floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+        let tangents = accessor(json, &floats(&[1.0, 0.0, 0.0, 1.0]), 5126, 4, "VEC4");
+        let primitive = &mut json["meshes"][0]["primitives"][0].clone();
+        primitive["indices"] = accessor(json, &indices, 5123, 12, "SCALAR").into();
+        primitive["attributes"] = json!({ "POSITION": accessor(json, &corners, 5126, 4, "VEC3"), "TANGENT": tangents });
+        json["meshes"][0]["primitives"][0] = primitive.take();
+    });
+    let said = folder.luxel(&format!("bake odd.gltf {QUICK}"));
+    assert_eq!(said.code, 3, "{}", said.err);
+    assert!(said.err.contains("mesh 0, primitive 0, TANGENT, accessor 3"), "{}", said.err);
+    assert!(!said.err.contains("texels on"), "nothing was begun: {}", said.err);
+    assert_eq!(folder.files(), ["odd.gltf", "room.gltf"]);
+}
+
+/// Runs `command`, which must end by itself.
+#[cfg(unix)]
+fn ends(mut command: std::process::Command) -> (Option<i32>, String) {
+    use std::{process::Stdio, time::Duration};
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    for _ in 0..600 {
+        if let Some(status) = child.try_wait().unwrap() {
+            let mut said = String::new();
+            std::io::Read::read_to_string(&mut child.stderr.take().unwrap(), &mut said).unwrap();
+            return (status.code(), said);
+        }
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    child.kill().unwrap();
+    panic!("{command:?} waits for ever");
+}
+
+#[cfg(unix)]
+#[test]
+fn pipes_devices_and_folders_are_refused_at_once() {
+    let folder = Folder::new();
+    let fifo = |name: &str| {
+        assert!(std::process::Command::new("mkfifo").arg(folder.path(name)).status().unwrap().success());
+    };
+    for name in ["sky.hdr", "in.glb", "a.png", "a.bin"] {
+        fifo(name);
+    }
+    std::fs::create_dir(folder.path("sky.exr")).unwrap();
+    std::os::unix::fs::symlink("/dev/zero", folder.path("zero.hdr")).unwrap();
+    let refused = |arguments: &str, named: &str| {
+        let (code, said) = ends(folder.command(&format!("{arguments} {QUICK}")));
+        assert_eq!(code, Some(3), "{arguments}: {said}");
+        assert!(said.contains(named) && said.contains("is not an ordinary file"), "{arguments}: {said}");
+    };
+    refused("bake room.gltf --sky sky.hdr", "sky.hdr");
+    refused("bake room.gltf --sky zero.hdr", "zero.hdr");
+    refused("bake room.gltf --sky sky.exr,2", "sky.exr");
+    refused("bake in.glb", "in.glb");
+    odd(&folder, |json| json["buffers"][0]["uri"] = "a.bin".into());
+    refused("bake odd.gltf", "a.bin");
+    odd(&folder, |json| {
+        json["images"] = json!([{ "uri": "a.png" }]);
+        json["textures"] = json!([{ "source": 0 }]);
+        json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = json!({ "index": 0 });
+    });
+    refused("bake odd.gltf", "a.png");
+}
+
+/// Writing fails after the bake: files may not grow beyond one block.
+#[cfg(unix)]
+#[test]
+fn a_full_disk_is_code_1_and_leaves_what_was_there() {
+    let folder = Folder::new();
+    let old = |name: &str| std::fs::write(folder.path(name), "old").unwrap();
+    let names = ["a.glb", "a.gltf", "a.json", "a.page0.exr", "a.png", "flat.glb"];
+    names.iter().for_each(|name| old(name));
+    let bake = |options: &str| {
+        let luxel = env!("CARGO_BIN_EXE_luxel");
+        let mut shell = std::process::Command::new("sh");
+        let script = format!("trap '' XFSZ; ulimit -f 1; exec '{luxel}' bake room.gltf {QUICK} {options}");
+        shell.args(["-c", &script]).current_dir(folder.path("."));
+        ends(shell)
+    };
+    for (options, named) in
+        [("-o a.glb", "a.glb"), ("-o a.gltf", "a.page0.exr"), ("-o a.glb --sidecar --float", "a.page0.exr")]
+    {
+        let (code, said) = bake(&format!("{options} --preview a.png --flat flat.glb --report a.json"));
+        assert_eq!(code, Some(1), "{options}: {said}");
+        assert!(said.contains(&format!("error: {named}")) && !said.contains(".luxel-"), "{options}: {said}");
+        assert_eq!(folder.files().len(), names.len() + 1, "{:?}", folder.files());
+        assert!(names.iter().all(|name| std::fs::read(folder.path(name)).unwrap() == b"old"), "{options}");
+    }
 }
 
 #[test]
@@ -195,6 +315,14 @@ fn a_bake_that_does_not_fit_is_refused_with_a_remedy() {
     assert_eq!((said.code, said.out.as_str()), (1, ""), "{}", said.err);
     assert!(said.err.contains("MB free") && said.err.contains("lower --resolution"), "{}", said.err);
     assert_eq!(folder.files(), ["room.gltf"]);
+}
+
+#[test]
+fn a_node_without_a_texel_is_named() {
+    let folder = Folder::new();
+    let said = folder.luxel("bake room.gltf --texels-per-meter 1e-30 --rays 1");
+    assert_eq!(said.code, 0, "{}", said.err);
+    assert!(said.err.contains("node 0 \"Floor\" and 1 more: too small for a texel"), "{}", said.err);
 }
 
 #[test]

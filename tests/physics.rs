@@ -9,7 +9,17 @@ use common::{
     stage::{Chart, Stage},
 };
 use glam::{DVec3, UVec2, Vec3, uvec2, vec3};
-use luxel::scene::{LightKind, Sky};
+use luxel::{
+    atlas::{self, Coverage, Density, Unwrap},
+    direct::{Bounce, Direct, Sources, sky_cells},
+    lightmaps::Content,
+    patches::Patches,
+    progress::Silent,
+    radiosity::{self, Radiosity, Solver},
+    scene::{LightKind, Sky, World},
+    trace::Tracer,
+    transport::Transport,
+};
 use std::f64::consts::PI;
 
 /// A black floor [-2, 2]^2 at y = 0 that looks up, of n x n texels, under one light.
@@ -147,7 +157,7 @@ fn penumbra_is_the_share_of_the_disc() {
 #[test]
 fn furnaces_read_their_value_at_every_texel() {
     let ball = |smooth| Ball { smooth, ..Ball::whole(Vec3::ZERO, 1.0, uvec2(24, 12), true) };
-    for (rho, m) in [(0.5, 1.0), (0.9, 0.25)] {
+    for (rho, m) in [(0.5, 1.0), (0.9, 0.25), (0.97, 1.0), (0.99, 1.0), (0.9999, 1.0)] {
         for which in 0..4 {
             let mut stage = Stage::new();
             let grey_wall = stage.material(rho, m);
@@ -156,13 +166,139 @@ fn furnaces_read_their_value_at_every_texel() {
                 1 => drop(furnished(&mut stage, grey_wall, grey_wall, 12)),
                 _ => drop(vec![ball(which == 3).build(&mut stage, grey_wall)]),
             }
-            let expected = f64::from(m / (1.0 - rho));
+            let expected = f64::from(m) / (1.0 - f64::from(rho));
             let baked = unwrapped(stage, 128, 32);
             let off = worst(baked.irradiance.iter().map(|e| grey(*e)), expected);
-            assert!(off < 1e-3, "scene {which}, rho {rho}: off by {off}");
+            // Reflectance and the weights of rows are single precision.
+            let rounding = f64::from(f32::EPSILON) / (1.0 - f64::from(rho));
+            assert!(off < radiosity::TOLERANCE + rounding, "scene {which}, rho {rho}: off by {off}");
             assert_eq!((baked.report.rays.lost, baked.report.rays.escaped), (0, 0), "scene {which}");
+            assert!(
+                baked.report.solver.converged,
+                "scene {which}, rho {rho}: {:?}",
+                baked.report.solver.relative_bound
+            );
         }
     }
+}
+
+#[test]
+fn bounces_of_a_furnace_are_the_geometric_sum() {
+    let (rho, m) = (0.75f32, 2.0);
+    for bounces in [0, 1, 2, 7] {
+        let mut stage = Stage::new();
+        let wall = stage.material(rho, m);
+        furnished(&mut stage, wall, wall, 8);
+        let radiosity = radiosity::Options { bounces: Some(bounces), ..radiosity::Options::default() };
+        let baked = shoot_with(stage, luxel::bake::Options { radiosity, ..options(64) }).baked;
+        let rho = grey(baked.patches.reflectance[0]);
+        let sum: f64 = (0..=bounces).map(|k| libm::pow(rho, k.into())).sum();
+        let off = worst(baked.irradiance.iter().map(|e| grey(*e)), f64::from(m) * sum);
+        assert!(off < 2e-6, "{bounces} bounces: off by {off}");
+        let report = &baked.report;
+        assert!(report.solver.bounces == Some(bounces) && report.solver.bound.is_none(), "{:?}", report.solver);
+        assert!(report.warnings.is_empty(), "{:?}", report.warnings);
+    }
+}
+
+/// A lamp that sends its first hit to the direct map and a glowing block: contents at every number of bounces.
+#[test]
+fn contents_of_some_bounces_add_up() {
+    let bake = |content, bounces, solver| {
+        let mut stage = Stage::new();
+        let (wall, block) = (stage.material(0.8, 0.0), stage.material(0.4, 1.0));
+        let charts = furnished(&mut stage, wall, block, 8);
+        stage.light(LightKind::Point { radius: 0.0 }, vec3(1.0, 0.9, 1.2), Vec3::ZERO, 3.0);
+        let radiosity = radiosity::Options { solver, bounces };
+        let shot = shoot_with(stage, luxel::bake::Options { content, radiosity, ..options(64) });
+        charts.iter().flat_map(|c| shot.mapped(*c)).map(|e| e.as_dvec3()).collect::<Vec<_>>()
+    };
+    let [chebyshev, jacobi] = Solver::ALL;
+    let mut before = vec![DVec3::ZERO; bake(Content::Direct, None, chebyshev).len()];
+    for bounces in [Some(0), Some(1), Some(3), None] {
+        let [full, direct, indirect] =
+            [Content::Full, Content::Direct, Content::Indirect].map(|c| bake(c, bounces, chebyshev));
+        assert!(direct == bake(Content::Direct, None, chebyshev), "the first hit has no bounce");
+        for (full, (direct, indirect)) in full.iter().zip(direct.iter().zip(&indirect)) {
+            assert!((*full - (*direct + *indirect)).abs().max_element() <= 1e-6 * full.max_element());
+        }
+        let grows = full.iter().zip(&before).all(|(now, before)| now.cmpge(*before * (1.0 - 1e-3)).all());
+        assert!(grows, "{bounces:?}: more bounces, more light");
+        assert!(full.iter().sum::<DVec3>().x > 1.01 * before.iter().sum::<DVec3>().x, "{bounces:?}");
+        if bounces.is_some() {
+            assert!(full == bake(Content::Full, bounces, jacobi), "{bounces:?}: a sum is a sum");
+        }
+        before = full;
+    }
+}
+
+/// A room of one open side under a sky, with a spot on its floor many times brighter than the rest.
+fn room_with_a_bright_spot(rho: f32, texels: u32) -> Stage {
+    let mut stage = Stage::new();
+    let wall = stage.material(rho, 0.0);
+    for face in FACES.into_iter().filter(|f| *f != Face::Front) {
+        unit_room().face(&mut stage, face, wall, UVec2::ONE, UVec2::splat(texels));
+    }
+    let cone = LightKind::Spot { cos_inner: 0.98, cos_outer: 0.97, radius: 0.0 };
+    stage.light(cone, vec3(0.4, 0.9, 0.6), Vec3::NEG_Y, 1.0);
+    stage.scene.sky = Sky::Uniform(Vec3::splat(0.01));
+    stage
+}
+
+/// Light of the first bounce by samples and rows, against rows alone: the same but for the rows' own noise.
+#[test]
+fn what_bright_patches_reflect_is_counted_once() {
+    let (rho, rays) = (0.7, 1024);
+    let mut stage = room_with_a_bright_spot(rho, 16);
+    let (edge, _) = stage.lay_out();
+    let layout = atlas::Options { unwrap: Unwrap::Keep, density: Density::Resolution(edge), page_size: 8192 };
+    let scene = &stage.scene;
+    let atlas = atlas::unwrap(scene, &layout, &scene.file, &Silent, &mut Vec::new()).expect("a layout");
+    let world = World::new(scene);
+    let coverage = Coverage::new(&world, &atlas);
+    let tracer = Tracer::new(world);
+    let mut patches = Patches::new(&tracer.world, &coverage, 0.98);
+    let transport = Transport::measure(&tracer, &coverage, &mut patches, rays, &Silent).expect("rows");
+    let sources = Sources::new(&tracer, &patches);
+    let both = Direct::measure(&tracer, &coverage, &patches, &sources, rays, &Silent).expect("direct light");
+    let rows_alone = Direct { bounce: Bounce::default(), ..both.clone() };
+    let sky = sky_cells(&scene.sky);
+    let indirect = |direct: &Direct, bounces| {
+        let options = radiosity::Options { bounces, ..radiosity::Options::default() };
+        let found = Radiosity::solve(&transport, &patches, direct, &sky, sources.gathered, &options, &Silent);
+        found.expect("a solution").indirect.iter().map(|e| grey(*e)).collect::<Vec<_>>()
+    };
+
+    // Variance of each patch's light from what is sampled, had independent rays found it.
+    let sampled = |c: &u32| both.bounce.exitance.get(*c as usize).map_or(0.0, |m| grey(*m));
+    let variance = |i: usize| {
+        let (columns, n) = (transport.rows.row(i).columns, f64::from(rays));
+        let [sum, squares] = [1, 2].map(|k| columns.iter().map(|c| sampled(c).powi(k)).sum::<f64>());
+        (squares - sum * sum / n) / (n * n)
+    };
+    let n = patches.len();
+    let variance: f64 = (0..n).map(variance).sum();
+    let first: f64 = both.bounce.irradiance.iter().map(|e| grey(*e)).sum();
+    assert!(first > 50.0 * libm::sqrt(variance), "noise {} hides {first}", libm::sqrt(variance));
+
+    for bounces in [Some(0), Some(1), Some(2), Some(5), None] {
+        let [got, expected] = [&both, &rows_alone].map(|d| indirect(d, bounces));
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for d in got.iter().zip(&expected).map(|(g, e)| g - e) {
+            (sum, squares) = (sum + d, squares + d * d);
+        }
+        // The noise of the first bounce, and what becomes of it later.
+        let later: f64 = (0..bounces.unwrap_or(100)).map(|k| libm::pow(rho.into(), k.into())).sum();
+        let sigma = libm::sqrt(variance) * later;
+        assert!(sum.abs() <= 3.0 * sigma, "{bounces:?} bounces: off by {sum}, sigma {sigma}");
+        assert!(squares <= sigma * sigma, "{bounces:?} bounces: RMS {}, sigma {sigma}", libm::sqrt(squares));
+    }
+}
+
+#[test]
+fn power_of_a_bright_spot_is_kept() {
+    let energy = shoot(room_with_a_bright_spot(0.7, 16), 1024).baked.report.energy;
+    assert!(energy.emitted > 0.0 && energy.imbalance.abs() < 3e-3, "{energy:?}");
 }
 
 #[test]
@@ -229,7 +365,7 @@ fn threads_do_not_change_a_bit() {
     stage.light(LightKind::Point { radius: 0.05 }, vec3(1.0, 0.5, 1.2), Vec3::ZERO, 3.0);
     stage.lay_out();
     let mut options = options(64);
-    options.atlas.density = luxel::atlas::Density::Resolution(128);
+    options.atlas.density = Density::Resolution(128);
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
         let baked = pool.install(|| parts(&stage.scene, &options));

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 /// Every covered texel with the pieces of surface inside it.
 #[derive(Clone, Debug, Default)]
 pub struct Coverage {
-    /// Covered texels, by page, then row by row.
+    /// Covered texels, by page, then tile by tile: neighbours in the list are neighbours on the surface.
     pub texels: Vec<Texel>,
     /// Pieces of surface; `starts[i]..starts[i + 1]` are texel i's.
     pub fragments: Vec<Fragment>,
@@ -98,11 +98,8 @@ impl Coverage {
                 out
             })
             .collect();
-        let total = bases[bases.len() - 1] as usize;
-        let mut coverage = sorted(&found, total);
-        coverage.charted = charted;
-        coverage.place(atlas, &bases);
-        coverage
+        let sizes: Vec<UVec2> = atlas.pages.iter().map(|p| p.size).collect();
+        Coverage { charted, ..sorted(&found, sizes, &bases) }
     }
 
     /// The fragments of a texel.
@@ -144,20 +141,6 @@ impl Coverage {
         }
         let t = self.grids[page as usize][(y * size.x + x) as usize];
         (t != NO_TEXEL).then_some(t)
-    }
-
-    /// Turns the pixel numbers left in `grids[0]` by [`sorted`] into grids and texels of the pages.
-    fn place(&mut self, atlas: &Atlas, bases: &[u64]) {
-        let all = self.grids.pop().unwrap_or_default();
-        for (page, p) in atlas.pages.iter().enumerate() {
-            let grid = all[bases[page] as usize..bases[page + 1] as usize].to_vec();
-            for (pixel, _) in grid.iter().enumerate().filter(|(_, t)| **t != NO_TEXEL) {
-                let pixel = pixel as u32;
-                self.texels.push(Texel { page: page as u32, at: UVec2::new(pixel % p.size.x, pixel / p.size.x) });
-            }
-            self.grids.push(grid);
-            self.sizes.push(p.size);
-        }
     }
 }
 
@@ -210,27 +193,47 @@ fn fragments(world: &World, i: usize, triangle: u32, c: &Charted, size: UVec2, m
     }
 }
 
-/// Counting sort by pixel; `grids` holds one grid over the pixels of all pages.
-fn sorted(found: &[Vec<(u32, Fragment)>], pixels: usize) -> Coverage {
-    let mut count = vec![0u32; pixels];
+/// Counting sort by texel; `found` names pixels, counted through the pages from their `bases`, row by row.
+fn sorted(found: &[Vec<(u32, Fragment)>], sizes: Vec<UVec2>, bases: &[u64]) -> Coverage {
+    let mut count = vec![0u32; bases[sizes.len()] as usize];
     for (pixel, _) in found.iter().flatten() {
         count[*pixel as usize] += 1;
     }
-    let (mut starts, mut grid) = (vec![0u32], vec![NO_TEXEL; pixels]);
-    for (pixel, n) in count.iter_mut().enumerate().filter(|(_, n)| **n > 0) {
-        let begin = starts[starts.len() - 1];
-        grid[pixel] = starts.len() as u32 - 1;
-        starts.push(begin + *n);
-        *n = begin;
+    let (mut starts, mut texels, mut grids) = (vec![0u32], Vec::new(), Vec::new());
+    for (page, &size) in sizes.iter().enumerate() {
+        let mut grid = vec![NO_TEXEL; (size.x * size.y) as usize];
+        for at in tiled(size) {
+            let pixel = at.y * size.x + at.x;
+            let n = &mut count[(bases[page] + u64::from(pixel)) as usize];
+            if *n > 0 {
+                let begin = starts[texels.len()];
+                grid[pixel as usize] = texels.len() as u32;
+                texels.push(Texel { page: page as u32, at });
+                starts.push(begin + *n);
+                *n = begin;
+            }
+        }
+        grids.push(grid);
     }
-    let total = starts[starts.len() - 1] as usize;
-    let mut fragments = vec![Fragment { triangle: 0, area: 0.0 }; total];
+    let mut fragments = vec![Fragment { triangle: 0, area: 0.0 }; starts[texels.len()] as usize];
     for (pixel, fragment) in found.iter().flatten() {
         let next = &mut count[*pixel as usize];
         fragments[*next as usize] = *fragment;
         *next += 1;
     }
-    Coverage { fragments, starts, grids: vec![grid], ..Coverage::default() }
+    Coverage { texels, fragments, starts, grids, sizes, charted: Vec::new() }
+}
+
+/// Edge of the squares by which texels are numbered.
+const TILE: u32 = 8;
+
+/// The places of a page, tile by tile.
+fn tiled(size: UVec2) -> impl Iterator<Item = UVec2> {
+    let tiles = (0..size.y.div_ceil(TILE)).flat_map(move |y| (0..size.x.div_ceil(TILE)).map(move |x| UVec2::new(x, y)));
+    tiles.flat_map(move |tile| {
+        let (first, end) = (tile * TILE, ((tile + 1) * TILE).min(size));
+        (first.y..end.y).flat_map(move |y| (first.x..end.x).map(move |x| UVec2::new(x, y)))
+    })
 }
 
 fn chunks(range: std::ops::Range<u32>, size: u32) -> impl Iterator<Item = std::ops::Range<u32>> {

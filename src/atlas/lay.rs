@@ -4,17 +4,22 @@
 //! on several pages, have one rectangle an instance, so that a node lies on one page.
 
 use super::{
-    Atlas, Density, Layout, Options, PADDING, Page, Placement,
+    Atlas, Density, LARGEST_PAGE, Layout, Options, PADDING, Page, Placement,
     place::{self, Demand, HIDDEN_DENSITY, Instances, Role},
     shape::{self, Cut, Shape},
     uvunwrap::{self, Failure, Item, Packed, Rectangle, Size},
 };
-use crate::{error::Result, progress::Observer, scene::Scene};
+use crate::{
+    error::{Error, Result},
+    progress::Observer,
+    scene::Scene,
+};
 use glam::{DVec2, UVec2};
 use rayon::prelude::*;
+use std::path::Path;
 
 /// Cuts shapes into charts.
-pub(super) type Cutter = fn(&[Shape], &dyn Observer) -> Result<Vec<Cut>>;
+pub(super) type Cutter = fn(&[Shape], &Path, &dyn Observer) -> Result<Vec<Cut>>;
 
 /// Largest ratio between the sizes of one mesh's instances: smaller ones get more texels than wished, since all share
 /// one layout, whose padding the smallest decides.
@@ -29,6 +34,7 @@ pub(super) fn unwrap(
     instances: &Instances,
     options: &Options,
     cutter: Cutter,
+    file: &Path,
     observer: &dyn Observer,
     warnings: &mut Vec<String>,
 ) -> Result<Atlas> {
@@ -46,7 +52,7 @@ pub(super) fn unwrap(
     }
     let shapes: Vec<Shape> =
         users.par_iter().map(|u| Shape::new(scene, u.mesh, &scene.instances[u.reference])).collect();
-    let cuts = cutter(&shapes, observer)?;
+    let cuts = cutter(&shapes, file, observer)?;
     for (u, _) in users.iter_mut().zip(&cuts).filter(|(_, cut)| cut.charts == 0) {
         // The packer expects that a rectangle has something in it.
         warnings.push(format!("{}: its triangles are too thin for texels; it is not lit", scene.meshes[u.mesh].name));
@@ -114,20 +120,49 @@ struct Trial<'a> {
 }
 
 impl Room<'_> {
-    /// One page of edge `edge`, at the density that fills it; more if one cannot hold all. The general density.
-    fn one_page(&mut self, edge: u32) -> Result<f64> {
+    /// One page of edge `wish`, at the density that fills it; more if one cannot hold all, larger ones if a node's charts
+    /// do not fit one at all. The general density.
+    fn one_page(&mut self, wish: u32) -> Result<f64> {
         let mapped = self.mapped();
+        let area_of = |list: &[usize]| list.iter().map(|&i| self.instances.areas[i]).sum::<f64>();
         if mapped.is_empty() {
-            let area: f64 = self.users.iter().flat_map(|u| &u.hidden).map(|&i| self.instances.areas[i]).sum();
-            return Ok(if area > 0.0 { f64::from(edge) / area.sqrt() } else { 1.0 });
+            let area = area_of(&self.users.iter().flat_map(|u| u.hidden.clone()).collect::<Vec<_>>());
+            return Ok(if area > 0.0 { f64::from(wish) / area.sqrt() } else { 1.0 });
         }
+        let mut edge = wish;
+        let (packed, general) = loop {
+            match self.fill(edge, &mapped) {
+                Err(Failure::TooLarge(n)) if edge < self.options.page_size => {
+                    edge = doubled(edge, n).min(self.options.page_size);
+                }
+                Err(failure) => return Err(failure.error(|| self.no_page_holds(edge))),
+                Ok(filled) => break filled,
+            }
+        };
+        if edge > wish {
+            let crowded = self.crowded(wish);
+            self.warnings.push(format!("{crowded}: the page has {edge} x {edge} (raise --resolution)"));
+        }
+        let density = packed.density;
+        if general.is_some_and(|d| density < d * 0.9) {
+            self.warnings.push("one page is too small for the nodes' own densities: they were lowered".into());
+        }
+        if packed.pages > 1 {
+            self.warnings.push(super::pages_added(packed.pages as usize, edge));
+        }
+        self.take(packed, UVec2::splat(edge));
+        Ok(density)
+    }
+
+    /// Packs the `mapped` instances on one page of edge `edge`, or on more; the general density if nodes have their own.
+    fn fill(&self, edge: u32, mapped: &[usize]) -> std::result::Result<(Packed, Option<f64>), Failure> {
         let size = Size::Page(edge);
         let mut packed = self.pack(&Trial { size, general: None, lower: &[], direct: true })?;
         let mut general = None;
         let own = |i: usize| self.scene.instances[i].texels_per_meter;
+        let area = |i: usize| self.instances.areas[i];
         if mapped.iter().any(|&i| own(i).is_some()) {
             // What is left by the nodes that have a density of their own is for the others; the page's use is measured.
-            let area = |i: usize| self.instances.areas[i];
             let free: f64 = mapped.iter().filter(|&&i| own(i).is_none()).map(|&i| area(i)).sum();
             let fixed: f64 = mapped.iter().filter_map(|&i| Some(area(i) * own(i)?.powi(2))).sum();
             let mut used = packed.density.powi(2) * mapped.iter().map(|&i| area(i)).sum::<f64>();
@@ -141,15 +176,11 @@ impl Room<'_> {
                     break;
                 }
             }
-            if general.is_some_and(|d| packed.density < d * 0.9) {
-                self.warnings.push("one page is too small for the nodes' own densities: they were lowered".into());
-            }
         }
         if packed.pages > 1 {
             packed = self.pack(&Trial { size, general, lower: &[], direct: false })?;
         }
-        let area: f64 = mapped.iter().map(|&i| self.instances.areas[i]).sum();
-        let full = f64::from(edge).powi(2) / area;
+        let full = f64::from(edge).powi(2) / mapped.iter().map(|&i| area(i)).sum::<f64>();
         if packed.pages == 1 && mapped.len() > 1 && packed.density.powi(2) < LEAST_USE * full {
             // Padding ate the page: charts are far below a texel.
             let size = Size::Pages((0.25 * full).sqrt(), edge);
@@ -157,12 +188,7 @@ impl Room<'_> {
                 packed = more;
             }
         }
-        let density = packed.density;
-        if packed.pages > 1 {
-            self.warnings.push(super::pages_added(packed.pages as usize, edge));
-        }
-        self.take(packed, UVec2::splat(edge));
-        Ok(density)
+        Ok((packed, general))
     }
 
     /// Pages at `density`, as many as needed. The general density.
@@ -180,7 +206,8 @@ impl Room<'_> {
         let mut lower = vec![1.0; self.scene.instances.len()];
         let (size, general) = (Size::Density(density), Some(density));
         if mapped.iter().map(|&i| texels(i)).sum::<f64>() <= most * most {
-            let packed = self.pack(&Trial { size, general, lower: &lower, direct: true })?;
+            let packed = self.pack(&Trial { size, general, lower: &lower, direct: true });
+            let packed = packed.map_err(|failure| failure.error(|| self.no_page_holds(edge)))?;
             if packed.size.max_element() <= edge {
                 let page = rounded(packed.size, edge);
                 self.take(packed, page);
@@ -199,7 +226,7 @@ impl Room<'_> {
             trial = Trial { size, general, lower: &lower, direct: false };
             packed = self.pack(&trial);
         }
-        let packed = packed?;
+        let packed = packed.map_err(|failure| failure.error(|| self.no_page_holds(edge)))?;
         let demands: Vec<Demand> = self
             .with_mapped()
             .into_iter()
@@ -239,14 +266,36 @@ impl Room<'_> {
         }
     }
 
+    /// Says which node's charts do not fit on a page of edge `edge`, however coarse they are.
+    fn crowded(&self, edge: u32) -> String {
+        let users = self.with_mapped();
+        let most = users.into_iter().max_by_key(|&j| (self.cuts[j].charts, std::cmp::Reverse(j)));
+        let Some(j) = most else { return String::new() };
+        let (name, charts) = (&self.scene.instances[self.users[j].mapped[0]].name, self.cuts[j].charts);
+        format!("{name}: its {charts} charts and their padding do not fit on a page of {edge} x {edge}")
+    }
+
+    /// The error for a node that no page of edge `edge` holds.
+    fn no_page_holds(&self, edge: u32) -> Error {
+        let remedy = match edge {
+            LARGEST_PAGE.. => "split its mesh into several nodes",
+            _ => "raise --page-size, or split its mesh into several nodes",
+        };
+        Error::Usage(format!("{}\n  {remedy}", self.crowded(edge)))
+    }
+
     /// Coarse rectangles of the hidden instances; layouts for the meshes that only they use.
     fn hidden(&mut self, density: f64) -> Result<()> {
         let alone: Vec<usize> = (0..self.users.len())
             .filter(|&j| self.users[j].mapped.is_empty() && !self.users[j].hidden.is_empty())
             .collect();
         let items: Vec<Item> = alone.iter().map(|&j| self.item(j, 1.0, self.hidden_scales(j))).collect();
-        let packed =
-            if items.is_empty() { None } else { Some(uvunwrap::pack(&items, Size::Density(density), self.observer)?) };
+        let size = Size::Density(density);
+        let pack = || {
+            uvunwrap::pack(&items, size, self.observer)
+                .map_err(|f| f.error(|| self.no_page_holds(self.options.page_size)))
+        };
+        let packed = if items.is_empty() { None } else { Some(pack()?) };
         for (&j, mesh) in alone.iter().zip(packed.iter().flat_map(|p| &p.meshes)) {
             self.set_layout(j, mesh, DVec2::ONE);
         }
@@ -343,6 +392,15 @@ impl Room<'_> {
         let m = self.users[j].mesh;
         self.atlas.layouts[m] = shape::layout(&self.scene.meshes[m], &mesh.flat, &mesh.indices, scale);
     }
+}
+
+/// The edge of a page that may hold `edge` x `length` texels: twice `edge`, or as often as it takes.
+fn doubled(edge: u32, length: u32) -> u32 {
+    let mut side = u64::from(edge) * 2;
+    while side * side < u64::from(edge) * u64::from(length) {
+        side *= 2;
+    }
+    side.min(u32::MAX.into()) as u32
 }
 
 /// True if instances of a mesh differ in size.

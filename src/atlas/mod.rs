@@ -137,9 +137,9 @@ pub fn unwrap(
     let instances = place::Instances::of(scene);
     let atlas = match options.unwrap {
         Unwrap::Keep => keep::unwrap(scene, &instances, options, file, observer, warnings)?,
-        Unwrap::Uvunwrap => lay::unwrap(scene, &instances, options, uvunwrap::cut, observer, warnings)?,
+        Unwrap::Uvunwrap => lay::unwrap(scene, &instances, options, uvunwrap::cut, file, observer, warnings)?,
         #[cfg(feature = "xatlas")]
-        Unwrap::Xatlas => lay::unwrap(scene, &instances, options, xatlas::cut, observer, warnings)?,
+        Unwrap::Xatlas => lay::unwrap(scene, &instances, options, xatlas::cut, file, observer, warnings)?,
         #[cfg(not(feature = "xatlas"))]
         Unwrap::Xatlas => return Err(Error::Usage("built without xatlas; build with --features xatlas".into())),
     };

@@ -11,13 +11,14 @@ use crate::{
     progress::Observer,
 };
 use glam::{DVec2, UVec2, Vec2};
+use std::path::Path;
 use uvunwrap::{Density, MeshInput, Options, Packing};
 
 /// Above this many charts packing by shape takes too long.
 const MANY_CHARTS: usize = 2500;
 
 /// Cuts each shape into charts.
-pub(super) fn cut(shapes: &[Shape], observer: &dyn Observer) -> Result<Vec<Cut>> {
+pub(super) fn cut(shapes: &[Shape], file: &Path, observer: &dyn Observer) -> Result<Vec<Cut>> {
     // Charts are placed again later: here any place will do, found fast.
     let texels_per_unit = if shapes.len() < 4096 { 128.0 } else { 16.0 };
     let options = Options {
@@ -34,7 +35,8 @@ pub(super) fn cut(shapes: &[Shape], observer: &dyn Observer) -> Result<Vec<Cut>>
             ..MeshInput::new(&s.positions, &s.indices)
         })
         .collect();
-    let atlas = uvunwrap::generate_with_progress(&inputs, &options, |_| !observer.cancelled()).map_err(error)?;
+    let atlas =
+        uvunwrap::generate_with_progress(&inputs, &options, |_| !observer.cancelled()).map_err(|e| uncut(e, file))?;
     let cut = |(shape, mesh): (&Shape, uvunwrap::OutputMesh)| {
         let mut charts: Vec<u32> = mesh.vertices.iter().filter_map(|v| v.chart).collect();
         charts.sort_unstable();
@@ -80,12 +82,11 @@ pub(super) enum Failure {
     Other(Error),
 }
 
-impl From<Failure> for Error {
-    fn from(f: Failure) -> Error {
-        match f {
-            Failure::TooLarge(n) => Error::Usage(format!(
-                "a node needs {n} texels, padding included, more than a page has: raise --resolution or --page-size"
-            )),
+impl Failure {
+    /// The error to report; `too_large` is that of a rectangle that no page holds.
+    pub fn error(self, too_large: impl FnOnce() -> Error) -> Error {
+        match self {
+            Failure::TooLarge(_) => too_large(),
             Failure::Other(e) => e,
         }
     }
@@ -181,19 +182,30 @@ fn positive(x: f64) -> f32 {
 }
 
 fn failure(e: uvunwrap::Error) -> Failure {
+    Failure::Other(match e {
+        uvunwrap::Error::ChartTooLarge { width, height, .. } => return Failure::TooLarge(width.max(height)),
+        uvunwrap::Error::Cancelled => Error::Interrupted,
+        uvunwrap::Error::AtlasTooLarge { texels } => Error::Usage(format!(
+            "this density needs {:.1} thousand million texels, more than can be baked\n  \
+             lower --texels-per-meter, or luxel.texels_per_meter of the nodes",
+            texels as f64 * 1e-9
+        )),
+        // Charts are those that `cut` made.
+        e => Error::Usage(format!("the charts cannot be packed: {e}\n  {OTHER}")),
+    })
+}
+
+/// Why the meshes of `file` could not be cut: whatever it is, it is about them.
+fn uncut(e: uvunwrap::Error, file: &Path) -> Error {
     match e {
-        uvunwrap::Error::ChartTooLarge { width, height, .. } => Failure::TooLarge(width.max(height)),
-        e => Failure::Other(error(e)),
+        uvunwrap::Error::Cancelled => Error::Interrupted,
+        uvunwrap::Error::AtlasTooLarge { .. } => {
+            let remedy = "merge what lies together, remove needles, or leave nodes out (--exclude)";
+            Error::invalid(file, "geometry", "there are too many charts, or triangles too long and thin", remedy)
+        }
+        e => Error::invalid(file, "geometry", format!("it cannot be unwrapped: {e}"), OTHER),
     }
 }
 
-fn error(e: uvunwrap::Error) -> Error {
-    match e {
-        uvunwrap::Error::Cancelled => Error::Interrupted,
-        uvunwrap::Error::AtlasTooLarge { texels } => Error::Usage(format!(
-            "this density needs {:.1} thousand million texels, more than can be baked: lower --texels-per-meter",
-            texels as f64 * 1e-9
-        )),
-        e => Error::Usage(format!("the scene cannot be unwrapped: {e}")),
-    }
-}
+/// What to do if the unwrapper is at fault.
+const OTHER: &str = "unwrap the meshes in a modelling program and bake with --keep-uv";

@@ -16,6 +16,7 @@ use crate::{
 use glam::Vec3;
 use std::{
     ffi::{c_char, c_int, c_void},
+    path::Path,
     ptr,
     sync::Mutex,
 };
@@ -37,18 +38,18 @@ const TEXELS: f32 = 1024.0;
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
 /// Cuts each shape into charts.
-pub(super) fn cut(shapes: &[Shape], observer: &dyn Observer) -> Result<Vec<Cut>> {
+pub(super) fn cut(shapes: &[Shape], file: &Path, observer: &dyn Observer) -> Result<Vec<Cut>> {
     let _guard = ONE_AT_A_TIME.lock().unwrap_or_else(|e| e.into_inner());
     shapes
         .iter()
         .map(|shape| {
             progress::check(observer)?;
-            cut_one(shape, observer)
+            cut_one(shape, file, observer)
         })
         .collect()
 }
 
-fn cut_one(shape: &Shape, observer: &dyn Observer) -> Result<Cut> {
+fn cut_one(shape: &Shape, file: &Path, observer: &dyn Observer) -> Result<Cut> {
     let positions: Vec<[f32; 3]> = shape.positions.iter().map(|p| p.map(|x| x * BOX)).collect();
     let size = |t: &[u32]| {
         let [a, b, c] = [t[0], t[1], t[2]].map(|v| Vec3::from(positions[v as usize]));
@@ -63,7 +64,7 @@ fn cut_one(shape: &Shape, observer: &dyn Observer) -> Result<Cut> {
     };
     let good: Vec<usize> = (0..triangles.len()).filter(sound).collect();
     if good.is_empty() {
-        return Ok(uvunwrap::cut(std::slice::from_ref(shape), observer)?.pop().unwrap_or_default());
+        return Ok(uvunwrap::cut(std::slice::from_ref(shape), file, observer)?.pop().unwrap_or_default());
     }
     let indices: Vec<u32> = good.iter().flat_map(|&t| triangles[t].iter().copied()).collect();
     let total: f32 = good.iter().map(|&t| size(triangles[t]).0).sum();

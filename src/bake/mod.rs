@@ -10,7 +10,7 @@ use crate::{
     lightmaps::{Content, Lightmaps, jump_across_seams},
     patches::Patches,
     progress::Observer,
-    radiosity::{Radiosity, Solver},
+    radiosity::{self, Radiosity},
     report::Report,
     scene::{Scene, World},
     trace::Tracer,
@@ -28,13 +28,21 @@ pub struct Options {
     pub rays: u32,
     /// Largest reflectance, (0, .9999]. Default: .98.
     pub max_reflectance: f32,
+    /// Which light is followed, and how. Default: all bounces, by chebyshev.
+    pub radiosity: radiosity::Options,
     /// What the maps hold. Default: full.
     pub content: Content,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Options { atlas: atlas::Options::default(), rays: 256, max_reflectance: 0.98, content: Content::Full }
+        Options {
+            atlas: atlas::Options::default(),
+            rays: 256,
+            max_reflectance: 0.98,
+            radiosity: radiosity::Options::default(),
+            content: Content::Full,
+        }
     }
 }
 
@@ -61,9 +69,9 @@ pub fn bake<'s>(scene: &'s Scene, options: &Options, observer: &dyn Observer) ->
     let mut r = Report::default();
     let mut clock = Clock::start();
 
-    plan::refuse(scene, None)?;
+    plan::refuse(scene, &options.atlas, None)?;
     let atlas = clock.time("atlas", || atlas::unwrap(scene, &options.atlas, &scene.file, observer, &mut r.warnings))?;
-    plan::refuse(scene, Some(&atlas))?;
+    plan::refuse(scene, &options.atlas, Some(&atlas))?;
     let world = World::new(scene);
     let coverage = clock.time("coverage", || Coverage::new(&world, &atlas));
     plan::announce(scene, &atlas, &coverage, options, observer)?;
@@ -76,7 +84,7 @@ pub fn bake<'s>(scene: &'s Scene, options: &Options, observer: &dyn Observer) ->
         clock.time("direct", || Direct::measure(&tracer, &coverage, &patches, &sources, options.rays, observer))?;
     let sky = sky_cells(&scene.sky);
     let radiosity = clock.time("radiosity", || {
-        Radiosity::solve(&transport, &patches, &direct, &sky, sources.gathered, Solver::default(), observer)
+        Radiosity::solve(&transport, &patches, &direct, &sky, sources.gathered, &options.radiosity, observer)
     })?;
     let lightmaps = clock.time("lightmaps", || {
         Lightmaps::new(&tracer.world, &atlas, &coverage, &patches, &direct, &radiosity, options.content)

@@ -2,7 +2,7 @@
 
 use super::Options;
 use crate::{
-    atlas::{Atlas, Coverage, NO_CHART},
+    atlas::{self, Atlas, Coverage, Density, NO_CHART},
     direct::{Direct, Sources},
     error::{Error, Result},
     lightmaps::Lightmaps,
@@ -24,9 +24,13 @@ const BYTES_A_PIXEL: u64 = 40;
 /// What to change when memory does not suffice.
 const REMEDY: &str = "lower --resolution or --texels-per-meter, or --rays";
 
-/// Refuses a scene or an atlas that would not fit before anything large is made of it.
-pub(super) fn refuse(scene: &Scene, atlas: Option<&Atlas>) -> Result<()> {
-    let pixels: u64 = atlas.map_or(0, pixels);
+/// Refuses a scene or an atlas, to be or made, that would not fit before anything large is made of it.
+pub(super) fn refuse(scene: &Scene, options: &atlas::Options, atlas: Option<&Atlas>) -> Result<()> {
+    let pixels = match (atlas, options.density) {
+        (Some(atlas), _) => pixels(atlas),
+        (None, Density::Resolution(edge)) => u64::from(edge).pow(2),
+        (None, Density::TexelsPerMeter(_)) => 0,
+    };
     if pixels > u64::from(u32::MAX) {
         return Err(Error::Usage(format!("{pixels} texels are more than an atlas can hold\n  {REMEDY}")));
     }
@@ -115,6 +119,19 @@ pub(super) fn describe(
         r.pages.push(PageReport { width, height, texels, utilization: texels as f64 / pixels });
     }
     r.nodes = (0..scene.instances.len()).map(|i| node(tracer, atlas, coverage, i)).collect();
+    warn_of_uncovered(r, tracer, coverage);
+}
+
+/// Names nodes that have a place on a page, but no texel there.
+fn warn_of_uncovered(r: &mut Report, tracer: &Tracer, coverage: &Coverage) {
+    let mut covered = vec![false; r.nodes.len()];
+    coverage.fragments.iter().for_each(|f| covered[tracer.world.locate(f.triangle).0] = true);
+    let bare: Vec<&NodeReport> =
+        r.nodes.iter().zip(covered).filter(|(n, c)| n.page.is_some() && !c).map(|n| n.0).collect();
+    let Some(first) = bare.first() else { return };
+    let others = if bare.len() > 1 { format!(" and {} more", bare.len() - 1) } else { String::new() };
+    r.warnings
+        .push(format!("{}{others}: too small for a texel, so it is not lit (see --texels-per-meter)", first.name));
 }
 
 /// Adds what the user should know.
@@ -142,8 +159,8 @@ pub(super) fn warn(r: &mut Report, options: &Options) {
     if r.rays.lost as f64 > 1e-5 * r.rays.traced as f64 {
         r.warnings.push(format!("{} of {} rays met no texel: light is lost", r.rays.lost, r.rays.traced));
     }
-    if !r.solver.converged {
-        r.warnings.push(format!("the solver stopped at a relative error bound of {:.1e}", r.solver.relative_bound));
+    if let Some(bound) = r.solver.relative_bound.filter(|_| !r.solver.converged) {
+        r.warnings.push(format!("the solver stopped at a relative error bound of {bound:.1e}"));
     }
 }
 
@@ -199,5 +216,19 @@ fn node(tracer: &Tracer, atlas: &Atlas, coverage: &Coverage, i: usize) -> NodeRe
         charts: used.len() as u32,
         small_charts: widths.iter().filter(|(low, high)| low.x <= high.x && (*high - *low).min_element() < 2.0).count()
             as u32,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_beyond_memory_is_refused_before_it_is_packed() {
+        let resolution = |n| atlas::Options { density: Density::Resolution(n), ..atlas::Options::default() };
+        assert!(refuse(&Scene::default(), &resolution(64), None).is_ok());
+        // 40 GB for the pixels alone.
+        let refused = refuse(&Scene::default(), &resolution(32768), None).is_err();
+        assert!(refused || memory::free_mb() > 40_000);
     }
 }

@@ -1,7 +1,11 @@
 //! The options, their help and their ranges.
 
 use super::values::{self, CameraWish, SkyWish, SunWish};
-use clap::{ArgGroup, Parser, Subcommand, ValueEnum, builder::RangedU64ValueParser};
+use clap::{
+    ArgGroup, Parser, Subcommand, ValueEnum,
+    builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser},
+};
+use luxel::radiosity::Solver;
 use std::path::PathBuf;
 
 /// Bakes global illumination into glTF scenes: glTF in, the same glTF with HDR lightmaps out.
@@ -44,8 +48,10 @@ pub struct Bake {
     #[arg(short, long = "output", value_name = "OUT")]
     pub output: Option<PathBuf>,
 
-    /// One page of N x N texels, the density chosen to fill it, 16 to 32768 [default: 1024]
-    #[arg(long, value_name = "N", help_heading = "Size", value_parser = edge())]
+    /// One page of N x N texels, the density chosen to fill it, 16 to 32768; where it cannot hold all charts, pages are
+    /// added, or made larger for a node that does not fit [default: 1024]
+    #[arg(long, value_name = "N", help_heading = "Size", value_parser = edge(),
+          allow_negative_numbers = true)]
     pub resolution: Option<u32>,
 
     /// Texels per metre, above 0, on as many pages as needed
@@ -53,7 +59,8 @@ pub struct Bake {
     pub texels_per_meter: Option<f64>,
 
     /// Largest edge of a page in texels, 16 to 32768 [default: 4096, or --resolution if that is more]
-    #[arg(long, value_name = "N", help_heading = "Size", value_parser = edge())]
+    #[arg(long, value_name = "N", help_heading = "Size", value_parser = edge(),
+          allow_negative_numbers = true)]
     pub page_size: Option<u32>,
 
     /// Use the author's TEXCOORD_1 as the lightmap's layout
@@ -70,12 +77,18 @@ pub struct Bake {
 
     /// Rays a texel for indirect light, 1 to 65536: half the noise for about three times the rays
     #[arg(long, value_name = "N", help_heading = "Effort", default_value = "256",
-          value_parser = RangedU64ValueParser::<u32>::new().range(1..=65536))]
+          value_parser = RangedU64ValueParser::<u32>::new().range(1..=65536), allow_negative_numbers = true)]
     pub rays: u32,
+
+    /// Bounces after which light is dropped, 0 to 65536, whatever the solver; 0: direct light only, of emissive surfaces
+    /// and the sky, too [default: all bounces, with a bound on the error]
+    #[arg(long, value_name = "N", help_heading = "Effort",
+          value_parser = RangedU64ValueParser::<u32>::new().range(0..=65536))]
+    pub bounces: Option<u32>,
 
     /// Threads, 1 to 1024; the result does not depend on them [default: one a processor]
     #[arg(long, value_name = "N", help_heading = "Effort",
-          value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024))]
+          value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024), allow_negative_numbers = true)]
     pub threads: Option<usize>,
 
     /// Radiance of the sky, one colour or an equirectangular picture (.exr, .hdr; +Y up, centre towards -Z), with a
@@ -103,6 +116,11 @@ pub struct Bake {
     /// What the maps hold: all light, first-hit light of lights and sun, or everything else
     #[arg(long, value_name = "NAME", help_heading = "Light", value_enum, default_value = "full")]
     pub content: Content,
+
+    /// Who solves for the light of all bounces; the result is the same within the error bound
+    #[arg(long, value_name = "NAME", help_heading = "Method", default_value = Solver::default().name(),
+          value_parser = solver())]
+    pub solver: Solver,
 
     /// Also write a picture of the baked scene, 960 x 540
     #[arg(long, value_name = "FILE.png", help_heading = "Output", value_parser = values::png())]
@@ -163,6 +181,11 @@ fn edge() -> RangedU64ValueParser<u32> {
     RangedU64ValueParser::new().range(16..=32768)
 }
 
+fn solver() -> impl TypedValueParser<Value = Solver> {
+    let named = |name: String| Solver::ALL.into_iter().find(|s| s.name() == name);
+    PossibleValuesParser::new(Solver::ALL.map(Solver::name)).try_map(move |name| named(name).ok_or("no such solver"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -183,6 +206,7 @@ mod tests {
     fn defaults_are_those_of_the_library() {
         let (bake, options) = (parse(&[]).unwrap(), luxel::bake::Options::default());
         assert_eq!((bake.rays, bake.max_reflectance), (options.rays, options.max_reflectance));
+        assert_eq!((bake.solver, bake.bounces), (options.radiosity.solver, options.radiosity.bounces));
     }
 
     #[test]
@@ -208,7 +232,13 @@ mod tests {
             &["--camera", "Main"],
             &["--preview", "a.jpg"],
             &["--flat", "a.gltf"],
-            &["--bounces", "3"],
+            &["--bounces", "-1"],
+            &["--bounces", "1.5"],
+            &["--bounces", "65537"],
+            &["--bounces", "all"],
+            &["--solver", "magic"],
+            &["--solver", "Jacobi"],
+            &["--solver", ""],
             &["--error", "2%"],
             &["b.glb"],
         ];
@@ -219,7 +249,18 @@ mod tests {
     }
 
     #[test]
+    fn every_solver_has_a_name() {
+        for solver in Solver::ALL {
+            assert_eq!(parse(&["--solver", solver.name()]).unwrap().solver, solver);
+        }
+    }
+
+    #[test]
     fn negative_numbers_are_values() {
+        for option in ["--resolution", "--page-size", "--rays", "--threads"] {
+            let said = parse(&[option, "-1"]).unwrap_err().to_string();
+            assert!(said.contains(&format!("invalid value '-1' for '{option}")), "{said}");
+        }
         let bake = parse(&["--sun", "-90,45,1000", "--preview", "a.png", "--camera", "-1,0,0,0,0,0"]).unwrap();
         assert!(bake.sun.is_some() && bake.camera.is_some());
     }

@@ -13,7 +13,7 @@ use luxel::{
     atlas,
     bake::{self, Baked, Options},
     error::{Error, Result},
-    files, gltf, lightmaps, memory, preview, progress,
+    files, gltf, lightmaps, memory, preview, progress, radiosity,
     report::Report,
     scene::{Camera, Scene},
 };
@@ -28,6 +28,7 @@ pub fn run(args: &args::Bake) -> Result<ExitCode> {
     let reading = gltf::ReadOptions { exclude: args.exclude.clone(), light_scale: args.light_scale };
     let gltf::Input { document, mut scene, warnings } = gltf::read(&args.input, &reading)?;
     outputs.spare(&document)?;
+    gltf::check(&document, &scene, args.keep_uv, &outputs.scene)?;
     let mut said = Warnings::default();
     said.add(warnings);
     said.add(lights::add(&mut scene, args.sky.as_ref(), args.sun.as_ref())?);
@@ -102,7 +103,8 @@ fn options(args: &args::Bake) -> Result<Options> {
         Content::Indirect => lightmaps::Content::Indirect,
     };
     let atlas = atlas::Options { unwrap, density, page_size };
-    Ok(Options { atlas, rays: args.rays, max_reflectance: args.max_reflectance, content })
+    let radiosity = radiosity::Options { solver: args.solver, bounces: args.bounces };
+    Ok(Options { atlas, rays: args.rays, max_reflectance: args.max_reflectance, radiosity, content })
 }
 
 fn start_threads(threads: Option<usize>) -> Result<()> {

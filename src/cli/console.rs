@@ -4,9 +4,10 @@ use luxel::error::{Error, Result};
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 
-/// One line on stderr.
+/// A line on stderr, or several. Names come from files: they must not steer the terminal.
 pub fn note(line: &str) {
-    let _ = writeln!(std::io::stderr().lock(), "{line}");
+    let tame = line.replace(|c: char| c.is_control() && c != '\n', "\u{fffd}");
+    let _ = writeln!(std::io::stderr().lock(), "{tame}");
 }
 
 /// What was done, and is as it should be.

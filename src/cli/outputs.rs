@@ -53,6 +53,9 @@ pub fn resolve(options: &Bake) -> Result<Outputs> {
     let mut places: Vec<PathBuf> = Vec::new();
     let others = [&outputs.preview, &outputs.flat, &outputs.report].into_iter().flatten();
     for path in [&outputs.scene].into_iter().chain(others) {
+        if path.as_os_str().to_string_lossy().ends_with(std::path::is_separator) {
+            return Err(Error::Usage(format!("{}: names a folder, not a file", path.display())));
+        }
         let at = place(path)?;
         let others = !places.is_empty();
         if places.contains(&at) || others && (inputs.contains(&at) || belongs(&at, &scene, options.sidecar)) {

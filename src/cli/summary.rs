@@ -68,13 +68,17 @@ fn seconds(rooms: &[(&'static str, f64)]) -> String {
 
 fn solver(report: &Report) -> String {
     let s = &report.solver;
+    if let Some(bounces) = s.bounces {
+        return format!("{}, bounces 0 to {bounces}", s.name);
+    }
+    let (bound, relative) = (s.bound.unwrap_or(0.0), s.relative_bound.unwrap_or(0.0));
     let end = if s.converged { "" } else { ", NOT converged" };
     format!(
         "{}, {} iterations, error at most {} W/m2 ({} of the darker half){end}",
         s.name,
         s.iterations,
-        digits(s.bound),
-        percent(100.0 * s.relative_bound)
+        digits(bound),
+        percent(100.0 * relative)
     )
 }
 

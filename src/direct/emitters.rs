@@ -1,4 +1,5 @@
-//! Emitting triangles, and patches that reflect: Lambert's closed form for the few that matter, importance sampling for the many far ones.
+//! Emitting triangles, and patches that reflect: Lambert's closed form for the few that matter, importance sampling for
+//! the many far ones.
 //!
 //! A binary tree over the emitters gives each texel a cut (after Walter et al., "Lightcuts", 2005): triangles that are
 //! near, groups further away. A few triangles are worth their exact unshadowed irradiance times the sampled share that

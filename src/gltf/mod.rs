@@ -7,4 +7,4 @@ mod write;
 
 pub use document::{Document, External};
 pub use read::{Input, ReadOptions, read};
-pub use write::{Remarks, WriteOptions, write, write_flat};
+pub use write::{Remarks, WriteOptions, check, write, write_flat};

@@ -1,6 +1,5 @@
 //! URIs of a document, for both doors: data, or a file beside it. Nothing is fetched from a network.
 
-use crate::error::{Error, Result};
 use base64::{
     Engine,
     alphabet::STANDARD,
@@ -9,8 +8,6 @@ use base64::{
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, percent_decode_str, utf8_percent_encode};
 use std::{
     borrow::Cow,
-    fs::File,
-    io::{self, Read},
     path::{Component, Path, PathBuf},
 };
 
@@ -19,11 +16,8 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
     GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
 );
 
-/// Bytes of the largest file that is read: what a GLB can hold.
-const MAX_BYTES: u64 = 1 << 32;
-
 /// The bytes of a `data:` URI, or what is wrong with them; `None` for any other URI.
-pub fn data(text: &str) -> Option<std::result::Result<Vec<u8>, String>> {
+pub fn data(text: &str) -> Option<Result<Vec<u8>, String>> {
     let inside = text.strip_prefix("data:")?;
     let decode = || {
         let (kind, data) = inside.split_once(',').ok_or("its data URI has no comma")?;
@@ -73,26 +67,6 @@ pub fn encode(name: &str) -> String {
     utf8_percent_encode(name, RESERVED).to_string()
 }
 
-/// The bytes of an ordinary file (a device or a pipe could go on for ever).
-pub fn file(path: &Path) -> Result<Vec<u8>> {
-    let read = || {
-        let found = std::fs::metadata(path)?;
-        if !found.is_file() {
-            return Err(io::Error::new(io::ErrorKind::InvalidInput, "is not an ordinary file"));
-        }
-        let mut bytes = Vec::new();
-        if found.len() <= MAX_BYTES {
-            bytes.reserve(found.len() as usize);
-            File::open(path)?.take(MAX_BYTES + 1).read_to_end(&mut bytes)?;
-        }
-        if found.len().max(bytes.len() as u64) > MAX_BYTES {
-            return Err(io::Error::new(io::ErrorKind::FileTooLarge, "is larger than 4 GB"));
-        }
-        Ok(bytes)
-    };
-    read().map_err(|e| Error::reading(path, e))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -117,11 +91,5 @@ mod tests {
         assert_eq!(name("a%20b.png"), Some("a%20b.png".into()));
         let outside = |text: &str| Named::beside(&document, text).unwrap().is_outside();
         assert_eq!(["a/b", "./a", "../a", "a/../../b", "/a"].map(outside), [false, false, true, true, true]);
-    }
-
-    #[cfg(unix)]
-    #[test]
-    fn devices_are_no_files() {
-        assert!(file(Path::new("/dev/zero")).unwrap_err().to_string().contains("/dev/zero: is not an ordinary file"));
     }
 }

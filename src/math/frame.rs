@@ -27,7 +27,13 @@ impl Frame {
         Frame { x: self.y, y: self.x, z: -self.z }
     }
 
+    /// The frame turned about its normal by the angle with this cosine and sine.
+    pub fn turned(&self, angle: Vec2) -> Self {
+        Frame { x: self.x * angle.x + self.y * angle.y, y: self.y * angle.x - self.x * angle.y, z: self.z }
+    }
+
     /// A vector given in this frame, in world axes.
+    #[inline(always)]
     pub fn to_world(&self, v: Vec3) -> Vec3 {
         self.x * v.x + self.y * v.y + self.z * v.z
     }

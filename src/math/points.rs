@@ -42,12 +42,40 @@ impl PointTable {
         PointTable { points, block, blocks }
     }
 
+    /// Sorts every block into wedges around the normal, and each wedge by elevation: points at the same place of the order,
+    /// in blocks turned by [`PointTable::turned`], have neighbouring directions. The first part of a block is no net then.
+    pub fn by_direction(mut self) -> Self {
+        let wedge = self.wedge();
+        for block in self.points.chunks_mut(self.block) {
+            block.sort_by(|p, q| azimuth(p).total_cmp(&azimuth(q)));
+            block.chunks_mut(wedge).for_each(|w| w.sort_by(|p, q| p.direction.z.total_cmp(&q.direction.z)));
+        }
+        self
+    }
+
+    /// Where to begin in a block by direction that is turned by a `share` of the circle, [0, 1), so that its points keep
+    /// step with those of blocks that are not.
+    pub fn turned(&self, share: f32) -> usize {
+        let wedge = self.wedge();
+        let wedges = self.block.div_ceil(wedge);
+        (wedges - (share * wedges as f32) as usize) * wedge % self.block
+    }
+
+    /// Points of a wedge: as many as there are wedges.
+    fn wedge(&self) -> usize {
+        (self.block as f32).sqrt().round() as usize
+    }
+
     /// The `pass`-th block for the texel at column `x`, row `y`.
     pub fn block(&self, x: u32, y: u32, pass: usize) -> &[Point] {
         let first = (y as usize % SIDE) * SIDE + x as usize % SIDE;
         let b = (first + pass) % self.blocks;
         &self.points[b * self.block..(b + 1) * self.block]
     }
+}
+
+fn azimuth(p: &Point) -> f32 {
+    libm::atan2f(p.direction.y, p.direction.x)
 }
 
 /// Mixes two words into one (the finalizer of MurmurHash3 over a multiplicative combination).

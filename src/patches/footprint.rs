@@ -18,17 +18,20 @@ pub struct Footprint<'w> {
     faces: Vec<Face>,
 }
 
-struct Cell {
-    face: u32,
+/// A part of a face: the affine image of the unit square or of its lower half.
+pub struct Cell {
+    /// Index of the face.
+    pub face: u32,
     square: bool,
     /// Sum of the areas before this cell, and with it.
     before: f32,
     after: f32,
-    position: [Vec3; 3],
+    origin: [Vec3; 3],
     bary: [Vec2; 3],
 }
 
-struct Face {
+/// The part of a triangle inside the texel.
+pub struct Face {
     instance: usize,
     triangle: u32,
     local: u32,
@@ -74,6 +77,22 @@ impl SurfacePoint {
     }
 }
 
+impl Cell {
+    /// World position of a place in the cell.
+    #[inline(always)]
+    pub fn position(&self, at: Vec2) -> Vec3 {
+        self.origin[0] + self.origin[1] * at.x + self.origin[2] * at.y
+    }
+}
+
+impl Face {
+    /// From a point on the front to where rays start, and the axes of their directions; `None` where those differ from
+    /// point to point.
+    pub fn flat(&self) -> Option<(Vec3, Frame)> {
+        (!self.smooth).then_some((self.normal * self.offset, self.frame))
+    }
+}
+
 impl<'w> Footprint<'w> {
     /// An empty footprint.
     pub fn new(world: &'w World<'w>, coverage: &'w Coverage) -> Self {
@@ -102,7 +121,7 @@ impl<'w> Footprint<'w> {
     /// Its pieces, wound as the front is.
     pub fn triangles(&self) -> impl Iterator<Item = [Vec3; 3]> {
         self.cells.iter().flat_map(|c| {
-            let [o, x, y] = c.position;
+            let [o, x, y] = c.origin;
             // Clipping keeps the order of uv, which a mirrored chart turns around.
             let [x, y] = if x.cross(y).dot(self.faces[c.face as usize].normal) < 0.0 { [y, x] } else { [x, y] };
             let other = c.square.then_some([o + x, o + x + y, o + y]);
@@ -126,9 +145,14 @@ impl<'w> Footprint<'w> {
         largest.map_or(Vec3::Y, |c| self.faces[c.face as usize].normal)
     }
 
-    /// The point for `u` of the unit square; equal areas of the square are equal areas of surface.
-    #[inline]
-    pub fn point(&self, u: Vec2) -> SurfacePoint {
+    /// The pieces of triangles in it.
+    pub fn faces(&self) -> &[Face] {
+        &self.faces
+    }
+
+    /// The cell for `u` of the unit square, and the place in the cell; equal areas of the square are equal areas of surface.
+    #[inline(always)]
+    pub fn cell(&self, u: Vec2) -> (&Cell, Vec2) {
         let (cell, u) = match &self.cells[..] {
             [one] => (one, u),
             cells => {
@@ -138,7 +162,12 @@ impl<'w> Footprint<'w> {
                 (c, Vec2::new(((at - c.before) / (c.after - c.before)).clamp(0.0, 1.0), u.y))
             }
         };
-        let f = if cell.square { u } else { square_to_triangle(u) };
+        (cell, if cell.square { u } else { square_to_triangle(u) })
+    }
+
+    /// The point for `u` of the unit square.
+    pub fn point(&self, u: Vec2) -> SurfacePoint {
+        let (cell, f) = self.cell(u);
         let face = &self.faces[cell.face as usize];
         let bary = (cell.bary[0] + cell.bary[1] * f.x + cell.bary[2] * f.y).max(Vec2::ZERO);
         let (normal, frame) = if face.smooth {
@@ -148,7 +177,7 @@ impl<'w> Footprint<'w> {
             (face.normal, face.frame)
         };
         SurfacePoint {
-            position: cell.position[0] + cell.position[1] * f.x + cell.position[2] * f.y,
+            position: cell.position(f),
             face: face.normal,
             normal,
             frame,
@@ -180,7 +209,7 @@ impl<'w> Footprint<'w> {
                     square,
                     before: sum,
                     after,
-                    position: [pa, pb - pa, pc - pa],
+                    origin: [pa, pb - pa, pc - pa],
                     bary: [a.as_vec2(), (b - a).as_vec2(), (c - a).as_vec2()],
                 });
                 sum = after;

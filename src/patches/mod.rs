@@ -7,7 +7,7 @@ mod enclosed;
 mod footprint;
 
 pub use enclosed::Enclosure;
-pub use footprint::{Footprint, SurfacePoint};
+pub use footprint::{Cell, Face, Footprint, SurfacePoint};
 
 use crate::{
     atlas::{Coverage, NO_PAGE},
@@ -180,15 +180,21 @@ fn front(
     }
 }
 
-/// Length, in the base texture's coordinates, of one texel of the lightmap on this triangle.
+/// Length, in texture coordinates, of one texel of the lightmap on this triangle. Where textures read several sets, the
+/// shortest: noise of a finer level averages out, light from beyond the texel would stay.
 fn texture_footprint(world: &World, coverage: &Coverage, triangle: u32) -> f32 {
     let (instance, t) = world.locate(triangle);
     let mesh = world.mesh(instance);
     let material = world.material(triangle);
-    let slot = material.base_texture.as_ref().or(material.emission_texture.as_ref());
-    let Some(set) = slot.and_then(|r| mesh.uvs.get(r.set as usize)).filter(|set| !set.is_empty()) else { return 0.0 };
-    let [a, b, c] = mesh.triangles[t as usize].map(|v| set[v as usize]);
+    let m = material;
+    let slots = [&m.base_texture, &m.metallic_texture, &m.transmission_texture, &m.emission_texture];
+    let sets = slots.into_iter().flatten().map(|slot| mesh.uvs.get(slot.set as usize).filter(|set| !set.is_empty()));
+    let texture = |set: Option<&Vec<Vec2>>| {
+        let [a, b, c] = mesh.triangles[t as usize].map(|v| set.map_or(Vec2::ZERO, |set| set[v as usize]));
+        (b - a).perp_dot(c - a).abs()
+    };
     let [p, q, r] = coverage.charted[triangle as usize].corners;
-    let (texture, lightmap) = ((b - a).perp_dot(c - a).abs(), (q - p).perp_dot(r - p).abs());
-    if lightmap > 0.0 { (texture / lightmap).sqrt() } else { 0.0 }
+    let lightmap = (q - p).perp_dot(r - p).abs();
+    let least = sets.map(texture).reduce(f32::min).unwrap_or(0.0);
+    if lightmap > 0.0 { (least / lightmap).sqrt() } else { 0.0 }
 }

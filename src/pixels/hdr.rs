@@ -2,7 +2,10 @@
 //!
 //! A header is believed only within [`MAX_SIZE`] and within what the file's length can hold.
 
-use crate::error::{Error, Result};
+use crate::{
+    error::{Error, Result},
+    files,
+};
 use ::exr::prelude::{MetaData, ReadChannels, ReadLayers, ReadSpecificChannel};
 use ::exr::{
     image::pixel_vec::PixelVec,
@@ -32,7 +35,7 @@ pub struct Hdr {
 
 /// Reads `file`, which is OpenEXR or Radiance by its content.
 pub fn read_hdr(file: &Path) -> Result<Hdr> {
-    let bytes = std::fs::read(file).map_err(|e| Error::reading(file, e))?;
+    let bytes = files::read(file)?;
     let (size, mut radiance) = if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
         openexr(file, &bytes)?
     } else if bytes.starts_with(b"#?") {

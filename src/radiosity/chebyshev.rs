@@ -2,24 +2,24 @@
 //! known contraction c: the error shrinks by c / (1 + sqrt(1 - c^2)) a step, against c for the plain iteration.
 
 use super::Method;
-use glam::Vec4;
+use glam::DVec3;
 use rayon::prelude::*;
 
 pub(super) struct Chebyshev {
-    contraction: f32,
-    omega: f32,
-    before: Vec<Vec4>,
+    contraction: f64,
+    omega: f64,
+    before: Vec<DVec3>,
 }
 
 impl Chebyshev {
-    /// `contraction`: bound on the map's spectral radius, below 1.
-    pub fn new(contraction: f32) -> Self {
+    /// `contraction`: bound on the map's spectral radius, below 1; with 0 it is the plain iteration.
+    pub fn new(contraction: f64) -> Self {
         Chebyshev { contraction, omega: 0.0, before: Vec::new() }
     }
 }
 
 impl Method for Chebyshev {
-    fn next(&mut self, x: &mut Vec<Vec4>, mapped: &[Vec4]) {
+    fn next(&mut self, x: &mut Vec<DVec3>, mapped: &[DVec3]) {
         if self.before.is_empty() {
             self.omega = 2.0;
             self.before = std::mem::replace(x, mapped.to_vec());

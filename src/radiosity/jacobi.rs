@@ -2,12 +2,12 @@
 //! contraction.
 
 use super::Method;
-use glam::Vec4;
+use glam::DVec3;
 
 pub(super) struct Jacobi;
 
 impl Method for Jacobi {
-    fn next(&mut self, x: &mut Vec<Vec4>, mapped: &[Vec4]) {
+    fn next(&mut self, x: &mut Vec<DVec3>, mapped: &[DVec3]) {
         x.copy_from_slice(mapped);
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! The map I -> F (M + rho (D + P I)) is a contraction in the max norm: rows are non-negative and sum to at most 1, and
 //! reflectance is below 1. Any solver is stopped by its *true residual* r: |error| <= |r| times the largest row sum of
-//! the inverse, which [`System::amplification`] bounds. Loop, bound and history live here, once for all solvers.
+//! the inverse, which [`System::amplification`] bounds. Loop, bound and history live here, once for all solvers. A
+//! given number of bounces is the truncated Neumann sum instead, which no solver changes and no bound describes.
 
 mod chebyshev;
 mod jacobi;
@@ -18,7 +19,7 @@ use crate::{
     report::SolverReport,
     transport::Transport,
 };
-use glam::{Vec3, Vec4};
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// The solution.
@@ -28,6 +29,15 @@ pub struct Radiosity {
     pub indirect: Vec<Vec3>,
     /// How it was found.
     pub report: SolverReport,
+}
+
+/// Which light is followed, and how.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Options {
+    /// Solver for the light of all bounces. Default: chebyshev.
+    pub solver: Solver,
+    /// Bounces after which light is dropped, whatever the solver; 0: direct light only. Default: none, all bounces.
+    pub bounces: Option<u32>,
 }
 
 /// Ways to solve the system.
@@ -44,7 +54,7 @@ impl Solver {
     /// Every solver.
     pub const ALL: [Solver; 2] = [Solver::Chebyshev, Solver::Jacobi];
 
-    /// Name in reports.
+    /// Name in options and reports.
     pub fn name(self) -> &'static str {
         match self {
             Solver::Chebyshev => "chebyshev",
@@ -52,7 +62,7 @@ impl Solver {
         }
     }
 
-    fn start(self, contraction: f32) -> Box<dyn Method> {
+    fn start(self, contraction: f64) -> Box<dyn Method> {
         match self {
             Solver::Chebyshev => Box::new(chebyshev::Chebyshev::new(contraction)),
             Solver::Jacobi => Box::new(jacobi::Jacobi),
@@ -62,29 +72,32 @@ impl Solver {
 
 /// One solver's mathematics: from x and the map's value there to the next x.
 trait Method {
-    fn next(&mut self, x: &mut Vec<Vec4>, mapped: &[Vec4]);
+    fn next(&mut self, x: &mut Vec<DVec3>, mapped: &[DVec3]);
 }
 
 /// Truncation error that is allowed, relative to the mean of the darker half.
 pub const TOLERANCE: f64 = 5e-4;
-/// More iterations than any reflectance below .9999 needs.
-const LIMIT: usize = 200_000;
-/// Iterations without a smaller residual after which rounding has the last word.
+/// More iterations than reflectance .9999 needs, whatever the spectrum.
+const LIMIT: usize = 1_000_000;
+/// Iterations without a smaller residual after which a method is not trusted any more.
 const PATIENCE: usize = 50;
 
 impl Radiosity {
-    /// Solves for all bounces. `gathered`: rows carry the exitance of surfaces. `sky`: exitance of the sky's cells.
+    /// Follows the light. `gathered`: rows carry the exitance of surfaces. `sky`: exitance of the sky's cells.
     pub fn solve(
         transport: &Transport,
         patches: &Patches,
         direct: &Direct,
         sky: &[Vec3],
         gathered: bool,
-        solver: Solver,
+        options: &Options,
         observer: &dyn Observer,
     ) -> Result<Self> {
         let system = System::new(transport, patches, direct, sky, gathered);
-        system.solve(solver, TOLERANCE, observer)
+        match options.bounces {
+            None => system.solve(options.solver, TOLERANCE, observer),
+            Some(bounces) => system.truncated(bounces, observer),
+        }
     }
 }
 
@@ -92,39 +105,67 @@ impl System<'_> {
     /// Iterates until the bound on the error is below `tolerance` times the mean of the darker half.
     pub fn solve(&self, solver: Solver, tolerance: f64, observer: &dyn Observer) -> Result<Radiosity> {
         observer.begin("radiosity", 0);
-        let (amplification, contraction, touched) = self.amplification();
+        let (amplification, mut contraction, touched) = self.amplification();
         let mut method = solver.start(contraction);
         let mut report = SolverReport { name: solver.name(), entries: touched, ..SolverReport::default() };
-        let mut x = vec![Vec4::ZERO; self.unknowns()];
+        let mut x = vec![DVec3::ZERO; self.unknowns()];
         let mut mapped = x.clone();
         let (mut least, mut idle, mut dark) = (f64::INFINITY, 0, 0.0);
         while report.iterations < LIMIT {
             check(observer)?;
             report.entries += self.map(&x, &mut mapped);
             report.iterations += 1;
-            let residual = x.par_iter().zip(&mapped).map(|(a, b)| (*a - *b).abs().max_element());
-            let residual = f64::from(residual.reduce(|| 0.0, f32::max));
+            let residual = largest_difference(&x, &mapped);
             report.residuals.push(residual);
-            report.bound = residual * amplification;
-            if report.iterations % 8 == 1 || report.bound <= 2.0 * tolerance * dark {
+            let bound = if residual > 0.0 { residual * amplification } else { 0.0 };
+            if report.iterations % 8 == 1 || bound <= 2.0 * tolerance * dark {
                 dark = self.dark_mean(&mapped).max(1e-30);
             }
-            report.relative_bound = report.bound / dark;
-            report.converged = report.relative_bound <= tolerance || residual == 0.0;
-            idle = if residual < least { 0 } else { idle + 1 };
-            if report.converged || idle > PATIENCE {
+            let relative = if bound.is_finite() { bound / dark } else { bound };
+            (report.bound, report.relative_bound) = (Some(bound), Some(relative));
+            report.converged = relative <= tolerance;
+            if report.converged || residual == f64::INFINITY {
                 break;
             }
-            if residual > 4.0 * least {
-                // Rows of noisy counts are not quite symmetric: start the recurrence anew from here.
-                method = solver.start(contraction);
+            (least, idle) = if residual < least { (residual, 0) } else { (least, idle + 1) };
+            if idle > PATIENCE && contraction == 0.0 {
+                break; // Not even the plain iteration gains: rounding has the last word.
             }
-            least = least.min(residual);
+            if (idle > PATIENCE || residual > 4.0 * least) && contraction > 0.0 {
+                // Counts of few rays are not symmetric, and their spectrum leaves the real axis: start anew with a
+                // shorter interval, the plain iteration at last, which contracts whatever the spectrum.
+                contraction = (1.0 - 4.0 * (1.0 - contraction)).max(0.0);
+                method = solver.start(contraction);
+                (least, idle) = (residual, 0);
+            }
             method.next(&mut x, &mapped);
-        }
-        if report.residuals.last() == Some(&0.0) {
-            (report.bound, report.relative_bound) = (0.0, 0.0);
         }
         Ok(Radiosity { indirect: self.at_patches(&mapped), report })
     }
+
+    /// The light of the first `bounces` bounces: D + P I_N with I_0 = F M and I_n+1 = F (M + rho (D + P I_n)).
+    pub fn truncated(&self, bounces: u32, observer: &dyn Observer) -> Result<Radiosity> {
+        observer.begin("radiosity", u64::from(bounces));
+        let mut report = SolverReport { name: "neumann", bounces: Some(bounces), ..SolverReport::default() };
+        let mut x = vec![DVec3::ZERO; self.unknowns()];
+        let mut mapped = x.clone();
+        report.entries = self.emitted(&mut x);
+        for _ in 0..bounces {
+            check(observer)?;
+            report.entries += self.map(&x, &mut mapped);
+            report.iterations += 1;
+            std::mem::swap(&mut x, &mut mapped);
+            observer.advance(1);
+        }
+        Ok(Radiosity { indirect: self.at_patches(&x), report })
+    }
+}
+
+/// In the max norm; infinite if anything is not finite.
+fn largest_difference(a: &[DVec3], b: &[DVec3]) -> f64 {
+    let difference = |(a, b): (&DVec3, &DVec3)| {
+        let d = (*a - *b).abs();
+        if d.is_finite() { d.max_element() } else { f64::INFINITY }
+    };
+    a.par_iter().zip(b).map(difference).reduce(|| 0.0, f64::max)
 }

@@ -12,8 +12,8 @@ pub use rays::rays_of_rows;
 pub use rows::{Row, Rows};
 
 use crate::{atlas::Coverage, error::Result, math::CELLS, patches::Patches, progress::Observer, trace::Tracer};
-use glam::Vec4;
 use rayon::prelude::*;
+use std::{iter::Sum, ops::Mul};
 
 /// Rows at receivers, and how patches read them.
 pub struct Transport {
@@ -57,6 +57,15 @@ pub struct Stats {
     pub lost: u64,
 }
 
+impl std::ops::AddAssign for Stats {
+    fn add_assign(&mut self, o: Self) {
+        self.traced += o.traced;
+        self.escaped += o.escaped;
+        self.dark += o.dark;
+        self.lost += o.lost;
+    }
+}
+
 impl Transport {
     /// Measures a row of `rays` rays at every patch, and tells `patches` which backs rays met and what is buried.
     pub fn measure(
@@ -92,13 +101,16 @@ impl Transport {
     }
 
     /// Spreads values at receivers to all patches.
-    pub fn interpolate(&self, at_receivers: &[Vec4], at_patches: &mut [Vec4]) {
+    pub fn interpolate<T>(&self, at_receivers: &[T], at_patches: &mut [T])
+    where
+        T: Copy + Send + Sync + Sum + Mul<f64, Output = T>,
+    {
         match &self.interpolation {
             Interpolation::Identity => at_patches.copy_from_slice(at_receivers),
             Interpolation::Convex { starts, entries } => {
                 at_patches.par_iter_mut().enumerate().for_each(|(i, out)| {
                     let row = &entries[starts[i] as usize..starts[i + 1] as usize];
-                    *out = row.iter().map(|&(r, w)| at_receivers[r as usize] * w).sum();
+                    *out = row.iter().map(|&(r, w)| at_receivers[r as usize] * f64::from(w)).sum();
                 });
             }
         }

@@ -9,11 +9,11 @@ use super::{
 };
 use crate::{
     atlas::Coverage,
-    error::Result,
-    math::{CELLS, Point, PointTable, cell_of, hash, unit_float},
-    patches::{Enclosure, Footprint, Patches, Seen, SurfacePoint, seen},
+    error,
+    math::{CELLS, Frame, Point, PointTable, cell_of, hash, unit_float},
+    patches::{Enclosure, Face, Footprint, Patches, Seen, SurfacePoint, seen},
     progress::{Observer, check},
-    trace::Tracer,
+    trace::{Hit, Ray, Tracer},
 };
 use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
@@ -27,6 +27,8 @@ pub(super) struct Measured {
 /// Entries before all backs are known: a texel's front, its back, or a cell of the sky.
 const BACK: u32 = 1 << 30;
 const SKY: u32 = 1 << 31;
+/// A ray that meets nothing that shines.
+const NONE: u32 = u32::MAX;
 
 /// Blocks of points that a partly buried texel may use up to reach its number of rays.
 const PASSES: usize = 4;
@@ -42,21 +44,23 @@ pub(super) fn measure(
     patches: &mut Patches,
     rays: u32,
     observer: &dyn Observer,
-) -> Result<Measured> {
+) -> error::Result<Measured> {
     let texels = patches.fronts;
     let shooter = Shooter::new(tracer, coverage, rays);
     let mut wave: Vec<u32> = (0..texels as u32).collect();
     let (mut back, mut backs) = (false, Vec::new());
-    let mut rows = Vec::with_capacity(texels);
+    let (mut validity, mut buried) = (Vec::with_capacity(texels), Vec::with_capacity(texels));
     let mut blocks: Vec<Block> = Vec::new();
     let mut stats = Stats::default();
     observer.begin("transport", texels as u64);
     while !wave.is_empty() {
         let done: Vec<_> = wave.par_chunks(BLOCK).map(|texels| shooter.block(texels, back, observer)).collect();
         check(observer)?;
-        for (block, outcomes) in done {
-            blocks.push(block);
-            rows.extend(outcomes);
+        for done in done {
+            blocks.push(done.block);
+            validity.extend(done.validity);
+            buried.extend(done.buried);
+            stats += done.stats;
         }
         wave = shooter.take_met(&backs);
         backs.extend_from_slice(&wave);
@@ -67,28 +71,21 @@ pub(super) fn measure(
         }
     }
     renumber(&mut blocks, texels as u32, &backs, patches.len() as u32);
-    for r in &rows {
-        stats.traced += u64::from(r.traced);
-        stats.escaped += u64::from(r.escaped);
-        stats.dark += u64::from(r.dark);
-        stats.lost += u64::from(r.lost);
-    }
-    patches.validity = rows.iter().map(|r| r.validity).collect();
-    patches.buried = rows.iter().map(|r| r.buried).collect();
+    patches.validity = validity;
+    patches.buried = buried;
     Ok(Measured { rows: Rows::new(blocks), stats })
 }
 
-/// The rays of the fronts' rows as origin, direction and key: what [`Transport::measure`](super::Transport::measure) shoots first, for benchmarks.
-pub fn rays_of_rows(tracer: &Tracer, coverage: &Coverage, rays: u32) -> Vec<(Vec3, Vec3, u32)> {
+/// The rays of the fronts' rows, in the order in which [`Transport::measure`](super::Transport::measure) shoots them
+/// first: for benchmarks.
+pub fn rays_of_rows(tracer: &Tracer, coverage: &Coverage, rays: u32) -> Vec<Ray> {
     let shooter = Shooter::new(tracer, coverage, rays);
-    let mut footprint = Footprint::new(&tracer.world, coverage);
-    let mut out = Vec::new();
-    for texel in 0..coverage.texels.len() as u32 {
-        footprint.set(texel as usize);
-        let from = shooter.from(texel, false);
-        for (k, point) in shooter.table.block(from.at.x, from.at.y, 0).iter().enumerate() {
-            let shot = shooter.shot(&footprint, &from, 0, k, point);
-            out.push((shot.origin, shot.direction, shot.key));
+    let texels: Vec<u32> = (0..coverage.texels.len() as u32).collect();
+    let mut out = Vec::with_capacity(texels.len() * shooter.rays);
+    for texels in texels.chunks(BLOCK) {
+        let receivers = shooter.receivers(texels, false);
+        for k in 0..shooter.rays {
+            out.extend(receivers.iter().map(|r| shooter.ray(r, shooter.point(r, k), k)));
         }
     }
     out
@@ -98,43 +95,62 @@ struct Shooter<'a> {
     tracer: &'a Tracer<'a>,
     coverage: &'a Coverage,
     rays: usize,
+    /// Points of every row, by direction.
     table: PointTable,
+    /// Points for what they leave open.
+    again: PointTable,
     enclosure: Enclosure<'a>,
     /// One bit a texel: a ray has met its back.
     met: Vec<AtomicU64>,
 }
 
-#[derive(Default)]
-struct Outcome {
-    validity: f32,
-    buried: bool,
-    traced: u32,
-    escaped: u32,
-    dark: u32,
-    lost: u32,
-}
-
 /// The side of a texel that shoots.
-struct From {
+struct Receiver<'a> {
+    footprint: Footprint<'a>,
+    /// One for each of its faces, unless that is shaded smoothly.
+    facets: Vec<Option<Facet>>,
     at: UVec2,
     back: bool,
     key: u32,
     /// Cosine and sine of the angle by which its directions are turned.
     turn: Vec2,
+    /// The point at which it begins, so that those beside it shoot into the same direction at the same time.
+    first: usize,
 }
 
-/// A ray.
-struct Shot {
-    point: SurfacePoint,
-    origin: Vec3,
-    direction: Vec3,
-    key: u32,
+/// What all rays from a flat face share.
+struct Facet {
+    /// From the face to where rays start.
+    lift: Vec3,
+    /// The axes of their directions, turned.
+    frame: Frame,
 }
 
-/// A ray's end before it is known whether its point is enclosed.
+/// The end of a ray whose point may be enclosed.
 struct Behind {
-    point: SurfacePoint,
+    receiver: usize,
+    place: Vec2,
     seen: Seen,
+}
+
+/// Receivers whose rows are measured.
+#[derive(Default)]
+struct Done {
+    block: Block,
+    validity: Vec<f32>,
+    buried: Vec<bool>,
+    stats: Stats,
+}
+
+/// What the rays of a row have met.
+#[derive(Default)]
+struct Row {
+    columns: Vec<u32>,
+    /// Rays that count, those without a column included.
+    valid: usize,
+    /// Points found enclosed, and open though they met a back.
+    enclosed: usize,
+    open: usize,
 }
 
 impl<'a> Shooter<'a> {
@@ -143,131 +159,193 @@ impl<'a> Shooter<'a> {
             tracer,
             coverage,
             rays: rays as usize,
-            table: PointTable::new(rays as usize, 0x7261_7973),
+            table: PointTable::new(rays as usize, 0x7261_7973).by_direction(),
+            again: PointTable::new(rays as usize, 0x6167_6169),
             enclosure: Enclosure::new(tracer),
             met: (0..coverage.texels.len().div_ceil(64)).map(|_| AtomicU64::new(0)).collect(),
         }
     }
 
-    fn from(&self, texel: u32, back: bool) -> From {
-        let key = hash(texel, u32::from(back));
-        let angle = std::f32::consts::TAU * unit_float(hash(key, 0x7475_726e));
-        let turn = Vec2::new(libm::cosf(angle), libm::sinf(angle));
-        From { at: self.coverage.texels[texel as usize].at, back, key, turn }
+    fn receivers(&self, texels: &[u32], back: bool) -> Vec<Receiver<'_>> {
+        let receiver = |&texel: &u32| {
+            let key = hash(texel, u32::from(back));
+            let share = unit_float(hash(key, 0x7475_7261));
+            let angle = std::f32::consts::TAU * share;
+            let turn = Vec2::new(libm::cosf(angle), libm::sinf(angle));
+            let mut footprint = Footprint::new(&self.tracer.world, self.coverage);
+            footprint.set(texel as usize);
+            let facet = |face: &Face| {
+                let (lift, frame) = face.flat()?;
+                let (lift, frame) = if back { (-lift, frame.reversed()) } else { (lift, frame) };
+                Some(Facet { lift, frame: frame.turned(turn) })
+            };
+            Receiver {
+                facets: footprint.faces().iter().map(facet).collect(),
+                footprint,
+                at: self.coverage.texels[texel as usize].at,
+                back,
+                key,
+                turn,
+                first: self.table.turned(share),
+            }
+        };
+        texels.iter().map(receiver).collect()
     }
 
-    #[inline]
-    fn shot(&self, footprint: &Footprint, from: &From, pass: usize, k: usize, point: &Point) -> Shot {
-        let p = footprint.point(point.place);
-        let p = if from.back { p.reversed() } else { p };
-        let direction = self.direction(&p, point, from, (pass, k));
-        Shot { point: p, origin: p.lifted(), direction, key: hash(from.key, (pass * self.rays + k) as u32) }
+    /// The `k`-th point of the first pass.
+    #[inline(always)]
+    fn point(&self, receiver: &Receiver, k: usize) -> &Point {
+        let k = receiver.first + k;
+        let k = if k < self.rays { k } else { k - self.rays };
+        &self.table.block(receiver.at.x, receiver.at.y, 0)[k]
     }
 
-    fn block(&self, texels: &[u32], back: bool, observer: &dyn Observer) -> (Block, Vec<Outcome>) {
-        let mut block = Block::with_capacity(texels.len() * self.rays);
+    #[inline(always)]
+    fn ray(&self, receiver: &Receiver, point: &Point, k: usize) -> Ray {
+        let key = receiver.key.wrapping_add(k as u32);
+        let (cell, at) = receiver.footprint.cell(point.place);
+        match &receiver.facets[cell.face as usize] {
+            Some(facet) => {
+                let direction = facet.frame.to_world(point.direction);
+                Ray { origin: cell.position(at) + facet.lift, direction, key }
+            }
+            None => {
+                let p = receiver.surface(point.place);
+                Ray { origin: p.lifted(), direction: self.direction(&p, point, receiver, k), key }
+            }
+        }
+    }
+
+    fn block(&self, texels: &[u32], back: bool, observer: &dyn Observer) -> Done {
+        let mut done = Done { block: Block::with_capacity(texels.len() * self.rays), ..Done::default() };
         if observer.cancelled() {
-            return (block, Vec::new());
+            return done;
         }
-        let mut footprint = Footprint::new(&self.tracer.world, self.coverage);
-        let (mut columns, mut behind) = (Vec::with_capacity(self.rays), Vec::new());
-        let outcomes = texels
-            .iter()
-            .map(|&t| {
-                footprint.set(t as usize);
-                columns.clear();
-                let (outcome, weight) = self.row(&footprint, t, back, &mut columns, &mut behind);
-                block.push(&mut columns, weight);
-                outcome
-            })
-            .collect();
-        block.shrink();
+        let receivers = self.receivers(texels, back);
+        let (mut rays, mut hits) = (Vec::new(), Vec::new());
+        let (mut ends, mut behind) = (Vec::with_capacity(texels.len() * self.rays), Vec::new());
+        // All receivers shoot into one direction before the next: rays beside each other meet the same boxes.
+        for k in 0..self.rays {
+            rays.clear();
+            rays.extend(receivers.iter().map(|r| self.ray(r, self.point(r, k), k)));
+            self.tracer.closest_of_each(&rays, &mut hits);
+            for (i, (ray, hit)) in rays.iter().zip(&hits).enumerate() {
+                ends.push(self.end(ray, hit, &mut done.stats).unwrap_or_else(|seen| {
+                    behind.push(Behind { receiver: i, place: self.point(&receivers[i], k).place, seen });
+                    NONE
+                }));
+            }
+        }
+        behind.sort_by_key(|b| b.receiver);
+        let mut behind = &behind[..];
+        let mut row = Row::default();
+        for (i, receiver) in receivers.iter().enumerate() {
+            let (own, others) = behind.split_at(behind.partition_point(|b| b.receiver == i));
+            behind = others;
+            row.columns.clear();
+            row.columns.extend(ends[i..].iter().step_by(receivers.len()).filter(|&&column| column != NONE));
+            row = Row { columns: row.columns, valid: self.rays - own.len(), ..Row::default() };
+            self.complete(receiver, &mut row, own, &mut done);
+            done.block.push(&mut row.columns, 1.0 / row.valid.max(1) as f32);
+        }
+        done.block.shrink();
         observer.advance(texels.len() as u64);
-        (block, outcomes)
+        done
     }
 
-    /// Fills `columns`; returns the weight of each entry.
-    fn row(
-        &self,
-        footprint: &Footprint,
-        texel: u32,
-        back: bool,
-        columns: &mut Vec<u32>,
-        behind: &mut Vec<Behind>,
-    ) -> (Outcome, f32) {
-        let from = self.from(texel, back);
-        let mut o = Outcome { validity: 1.0, ..Outcome::default() };
-        let (mut valid, mut enclosed, mut open) = (0, 0, 0);
-        for pass in 0..PASSES {
-            behind.clear();
-            for (k, point) in self.table.block(from.at.x, from.at.y, pass).iter().enumerate().take(self.rays - valid) {
-                let shot = self.shot(footprint, &from, pass, k, point);
-                o.traced += 1;
-                match self.tracer.closest(shot.origin, shot.direction, shot.key) {
-                    None => {
-                        o.escaped += 1;
-                        columns.push(SKY | cell_of(shot.direction));
-                        valid += 1;
-                    }
-                    Some(hit) => {
-                        let seen = seen(&self.tracer.world, self.coverage, &hit);
-                        if self.enclosure.may_enclose(&hit) {
-                            behind.push(Behind { point: shot.point, seen });
-                        } else {
-                            self.end(seen, columns, &mut o);
-                            valid += 1;
-                        }
-                    }
-                }
-            }
-            let enclosed_all = pass == 0 && behind.len() == self.rays;
-            for b in behind.drain(..) {
-                // Where backs are those of sheets, the first few points say so; a box hides nearly all that meet backs.
-                let sheets = enclosed == 0 && open >= TRUST;
-                if enclosed_all || sheets || !self.enclosure.holds(&b.point, from.at, from.turn, &mut enclosed) {
-                    self.end(b.seen, columns, &mut o);
-                    valid += 1;
-                    open += 1;
-                }
-            }
-            if pass == 0 {
-                o.buried = enclosed_all || valid == 0;
-                o.validity = if o.buried { 1.0 } else { valid as f32 / self.rays as f32 };
-            }
-            if o.buried || valid >= self.rays {
-                break;
-            }
-        }
-        (o, 1.0 / valid.max(1) as f32)
+    /// The column that a ray has met, or what it has seen if its point may be enclosed.
+    #[inline(always)]
+    fn end(&self, ray: &Ray, hit: &Option<Hit>, stats: &mut Stats) -> Result<u32, Seen> {
+        stats.traced += 1;
+        let Some(hit) = hit else {
+            stats.escaped += 1;
+            return Ok(SKY | cell_of(ray.direction));
+        };
+        let seen = seen(&self.tracer.world, self.coverage, hit);
+        if self.enclosure.may_enclose(hit) { Err(seen) } else { Ok(self.column(seen, stats)) }
     }
 
-    /// Books the end of a valid ray.
-    fn end(&self, seen: Seen, columns: &mut Vec<u32>, o: &mut Outcome) {
+    #[inline(always)]
+    fn column(&self, seen: Seen, stats: &mut Stats) -> u32 {
         match seen {
-            Seen::Front(t) => columns.push(t),
+            Seen::Front(t) => t,
             Seen::Back(t) => {
                 self.met[t as usize / 64].fetch_or(1 << (t % 64), Relaxed);
-                columns.push(BACK | t);
+                BACK | t
             }
-            Seen::Dark => o.dark += 1,
-            Seen::Lost => o.lost += 1,
+            Seen::Dark => {
+                stats.dark += 1;
+                NONE
+            }
+            Seen::Lost => {
+                stats.lost += 1;
+                NONE
+            }
+        }
+    }
+
+    /// Decides about the points that may be enclosed, and shoots more rays for those that are.
+    fn complete(&self, receiver: &Receiver, row: &mut Row, behind: &[Behind], done: &mut Done) {
+        let enclosed_all = behind.len() == self.rays;
+        self.decide(receiver, row, behind, enclosed_all, &mut done.stats);
+        let buried = enclosed_all || row.valid == 0;
+        done.buried.push(buried);
+        done.validity.push(if buried { 1.0 } else { row.valid as f32 / self.rays as f32 });
+        let (mut rays, mut hits, mut behind) = (Vec::new(), Vec::new(), Vec::new());
+        for pass in 1..PASSES {
+            if buried || row.valid >= self.rays {
+                return;
+            }
+            let points = self.again.block(receiver.at.x, receiver.at.y, pass);
+            let points = &points[..self.rays - row.valid];
+            let key = |k: usize| pass * self.rays + k;
+            rays.clear();
+            rays.extend(points.iter().enumerate().map(|(k, point)| self.ray(receiver, point, key(k))));
+            self.tracer.closest_of_each(&rays, &mut hits);
+            behind.clear();
+            for ((ray, hit), point) in rays.iter().zip(&hits).zip(points) {
+                match self.end(ray, hit, &mut done.stats) {
+                    Ok(column) => row.add(column),
+                    Err(seen) => behind.push(Behind { receiver: 0, place: point.place, seen }),
+                }
+            }
+            self.decide(receiver, row, &behind, false, &mut done.stats);
+        }
+    }
+
+    fn decide(&self, receiver: &Receiver, row: &mut Row, behind: &[Behind], enclosed_all: bool, stats: &mut Stats) {
+        for b in behind {
+            // Where backs are those of sheets, the first few points say so; a box hides nearly all that meet backs.
+            let sheets = row.enclosed == 0 && row.open >= TRUST;
+            let open = enclosed_all
+                || sheets
+                || !self.enclosure.holds(&receiver.surface(b.place), receiver.at, receiver.turn, &mut row.enclosed);
+            if open {
+                row.open += 1;
+                row.add(self.column(b.seen, stats));
+            }
         }
     }
 
     /// A direction about the shading normal, drawn again while it lies below the face.
-    #[inline]
-    fn direction(&self, p: &SurfacePoint, point: &Point, from: &From, (pass, k): (usize, usize)) -> Vec3 {
-        let turned = |d: Vec3| p.frame.to_world(from.turn.rotate(d.truncate()).extend(d.z));
-        let d = turned(point.direction);
+    #[inline(always)]
+    fn direction(&self, p: &SurfacePoint, point: &Point, receiver: &Receiver, k: usize) -> Vec3 {
+        let d = receiver.turned(p, point);
         if p.normal == p.face || d.dot(p.face) > 0.0 {
             return d;
         }
-        let again =
-            |draw: usize| self.table.block(from.at.x, from.at.y, pass + draw)[(k + draw * 7) % self.rays].direction;
-        (1..DRAWS)
-            .map(|draw| turned(again(draw)))
-            .find(|d| d.dot(p.face) > 0.0)
-            .unwrap_or(d - 2.0 * d.dot(p.face) * p.face)
+        self.direction_above(p, receiver, k)
+    }
+
+    #[cold]
+    fn direction_above(&self, p: &SurfacePoint, receiver: &Receiver, k: usize) -> Vec3 {
+        let (x, y, rays) = (receiver.at.x, receiver.at.y, self.rays);
+        let draw = |draw: usize| receiver.turned(p, &self.again.block(x, y, k / rays + draw)[(k + draw * 7) % rays]);
+        let above = (1..DRAWS).map(draw).find(|d| d.dot(p.face) > 0.0);
+        above.unwrap_or_else(|| {
+            let d = draw(0);
+            d - 2.0 * d.dot(p.face).min(0.0) * p.face
+        })
     }
 
     /// Texels whose backs were met and are not in `known`, ascending.
@@ -278,6 +356,30 @@ impl<'a> Shooter<'a> {
             (0..64u32).filter(move |b| bits >> b & 1 == 1).map(move |b| w as u32 * 64 + b)
         });
         bits.filter(|t| !known.contains(t)).collect()
+    }
+}
+
+impl Receiver<'_> {
+    /// The point at a place of the unit square, on the side that shoots.
+    #[inline(always)]
+    fn surface(&self, place: Vec2) -> SurfacePoint {
+        let p = self.footprint.point(place);
+        if self.back { p.reversed() } else { p }
+    }
+
+    #[inline(always)]
+    fn turned(&self, p: &SurfacePoint, point: &Point) -> Vec3 {
+        p.frame.turned(self.turn).to_world(point.direction)
+    }
+}
+
+impl Row {
+    /// Books a ray that counts.
+    fn add(&mut self, column: u32) {
+        self.valid += 1;
+        if column != NONE {
+            self.columns.push(column);
+        }
     }
 }
 

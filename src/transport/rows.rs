@@ -1,8 +1,8 @@
 //! [`Rows`]: a sparse matrix of ray counts. Each entry is a column that one ray met; its weight, one over the row's
 //! rays, is implicit: four bytes a ray.
 
-use glam::{DVec4, Vec4};
 use rayon::prelude::*;
+use std::{iter::Sum, ops::Mul};
 
 /// Rows in blocks, so that they are measured in parallel and never copied.
 #[derive(Clone, Debug)]
@@ -33,12 +33,10 @@ pub struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// Weighted sum of `value` over the entries: short parts in single precision, their sum in double, since near
-    /// reflectance 1 the solver amplifies rounding a thousandfold.
+    /// Weighted sum of `value` over the entries.
     #[inline]
-    pub fn sum(&self, value: impl Fn(u32) -> Vec4) -> Vec4 {
-        let part = |part: &[u32]| part.iter().map(|&c| value(c)).sum::<Vec4>().as_dvec4();
-        (self.columns.chunks(16).map(part).sum::<DVec4>() * f64::from(self.weight)).as_vec4()
+    pub fn sum<T: Sum + Mul<f64, Output = T>>(&self, value: impl Fn(u32) -> T) -> T {
+        self.columns.iter().map(|&c| value(c)).sum::<T>() * f64::from(self.weight)
     }
 }
 

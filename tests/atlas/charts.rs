@@ -178,6 +178,22 @@ fn pages_are_added_where_one_cannot_hold_all() {
 }
 
 #[test]
+fn a_page_grows_where_a_node_does_not_fit() {
+    let scene = scene(vec![cube(), confetti(200)], &[(0, DVec3::ONE), (1, DVec3::ONE)]);
+    each(&scene, Density::Resolution(32), |atlas, warnings| {
+        let [said] = &warnings[..] else { panic!("{warnings:?}") };
+        assert!(said.starts_with("node 1: its 200 charts ") && said.contains("--resolution"), "{said}");
+        assert!(atlas.pages.iter().all(|p| p.size.to_array() == [128, 128]), "{:?}", atlas.pages);
+    });
+    for density in [Density::Resolution(32), Density::TexelsPerMeter(1.0)] {
+        let options = Options { density, page_size: 32, ..Options::default() };
+        let error = unwrapped(&scene, &options).unwrap_err();
+        assert_eq!(error.exit_code(), 2, "{error}");
+        assert!(error.to_string().contains("node 1") && error.to_string().contains("--page-size"), "{error}");
+    }
+}
+
+#[test]
 fn degenerate_triangles_and_meshes_do_no_harm() {
     let mut flat = cube();
     flat.triangles.extend([[0, 0, 1], [2, 2, 2], [0, 1, 1]]);

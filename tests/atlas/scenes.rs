@@ -67,6 +67,16 @@ pub fn sphere(n: u32) -> Mesh {
     mesh("mesh \"Sphere\"", positions, vec![], triangles)
 }
 
+/// `n` separate triangles, no two in one plane: as many charts.
+pub fn confetti(n: u32) -> Mesh {
+    let corner = |i: u32, k: u32| {
+        let turn = 2.4 * i as f32 + 2.0 * k as f32;
+        Vec3::new(libm::cosf(turn), libm::sinf(turn), 3.0 * i as f32 + 0.1 * k as f32)
+    };
+    let positions = (0..n).flat_map(|i| (0..3).map(move |k| corner(i, k))).collect();
+    mesh("mesh \"Confetti\"", positions, vec![], (0..n).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect())
+}
+
 /// Meshes placed in a row; each instance is (mesh, scale).
 pub fn scene(meshes: Vec<Mesh>, instances: &[(u32, DVec3)]) -> Scene {
     let place = |(i, &(mesh, scale)): (usize, &(u32, DVec3))| Instance {

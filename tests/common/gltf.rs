@@ -1,7 +1,5 @@
 //! A tiny glTF builder: push accessors, nodes and the like into the JSON, then write it as GLB.
 
-#![allow(dead_code, missing_docs)]
-
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 

@@ -61,6 +61,31 @@ fn reflectance_is_a_mean_of_products() {
     assert!((1.0..2.1).contains(&area), "{area} m^2 are metallic");
 }
 
+#[test]
+fn each_texture_is_read_on_its_own_coordinates() {
+    let mut stage = Stage::new();
+    // The base colour repeats a thousand times; the emission is one picture over the page, dark on the left.
+    let base = stage.picture(UVec2::splat(8), |_, _| [255; 4]);
+    let half = stage.picture(UVec2::new(64, 1), |x, _| if x < 32 { [0, 0, 0, 255] } else { [255; 4] });
+    let material = stage.add(Material {
+        base_texture: Some(base),
+        emission: Vec3::ONE,
+        emission_texture: Some(luxel::scene::TextureRef { set: 1, ..half }),
+        ..Material::default()
+    });
+    let chart = sheet(&mut stage, material, Vec3::ZERO, 1.0, 16);
+    stage.paint(chart);
+    stage.scene.meshes[chart].uvs[0].iter_mut().for_each(|uv| *uv *= 1000.0);
+    let shot = shoot(stage, 1);
+    let edge = shot.baked.atlas.pages[0].size.x as f32;
+    for i in shot.texels(chart) {
+        let from_middle = shot.baked.coverage.texels[i].at.x as f32 + 0.5 - edge / 2.0;
+        let expected = if from_middle < 0.0 { 0.0 } else { PI };
+        let off = grey(shot.baked.patches.exitance[i]) - expected;
+        assert!(from_middle.abs() < 1.0 || off.abs() < 1e-3, "{from_middle} texels from the middle: off by {off}");
+    }
+}
+
 /// A plane of 1 m under a black square of 1 m, 1 m above, of this material.
 fn under(material: impl Fn(&mut Stage) -> Material, light: impl Fn(&mut Stage)) -> (Shot, Chart) {
     let mut stage = Stage::new();

@@ -6,11 +6,8 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    gltf::{
-        Document,
-        document::External,
-        uri::{self, Named},
-    },
+    files,
+    gltf::{Document, document::External, uri::Named},
 };
 use serde_json::Value;
 use std::path::Path;
@@ -21,7 +18,7 @@ const BIN: u32 = 0x004E_4942;
 
 /// Reads `path` and the buffers it names; checks the version and the required extensions, nothing else.
 pub(super) fn open(path: &Path) -> Result<Document> {
-    let bytes = uri::file(path)?;
+    let bytes = files::read(path)?;
     let (json, bin) = if bytes.starts_with(MAGIC) { chunks(path, &bytes)? } else { (bytes.as_slice(), None) };
     let json = parse(path, json)?;
     version(path, &json)?;
@@ -86,6 +83,15 @@ fn buffers(path: &Path, json: &Value, bin: Option<&[u8]>) -> Result<Vec<Vec<u8>>
         let length = buffer.get("byteLength").and_then(Value::as_u64);
         let length = length.ok_or_else(|| broken(path, &place, "has no byteLength"))?;
         let bytes = match (buffer.get("uri"), bin) {
+            (Some(Value::String(text)), _) if Named::beside(path, text).is_some_and(|named| named.is_outside()) => {
+                // What is read here may become a part of the output, whatever it is; pictures show what they are.
+                let remedy = "put the file beside the document, or export the scene as one .glb";
+                return Err(Error::unsupported(
+                    path,
+                    format!("{place}: {text}, outside of the document's folder,"),
+                    remedy,
+                ));
+            }
             (Some(Value::String(text)), _) => linked(path, text, &place)?,
             (Some(_), _) => return Err(broken(path, place, "its uri is not a string")),
             (None, Some(bin)) if i == 0 => bin.to_vec(),

@@ -74,7 +74,11 @@ fn scene(source: &Source, options: &ReadOptions, warnings: &mut Warnings) -> Res
     let (meshes, mut instances) = lit(source, &placed, &mut materials, warnings)?;
     if instances.is_empty() {
         let left_out = warnings.sentences().join("\n  ");
-        let remedy = if left_out.is_empty() { "export the meshes too".into() } else { left_out };
+        let remedy = match (left_out.is_empty(), options.exclude.is_empty()) {
+            (false, _) => left_out,
+            (true, false) => "--exclude may leave out too much; if it does not, export the meshes too".into(),
+            (true, true) => "export the meshes too".into(),
+        };
         return Err(Error::invalid(source.file, "scene", "there is no triangle to light", remedy));
     }
     let origin = centre(source, &meshes, &instances)?;
@@ -149,15 +153,20 @@ fn centre(source: &Source, meshes: &[Mesh], instances: &[Instance]) -> Result<DV
         let corner = |i: usize| DVec3::new(own[i & 1].x, own[i >> 1 & 1].y, own[i >> 2].z);
         let placed = bounds((0..8).map(|i| instance.transform.transform_point3(corner(i))));
         if !(placed.iter().all(|p| p.is_finite()) && (placed[1] - placed[0]).max_element() <= MAX_EXTENT) {
-            return Err(source.invalid(&instance.name, format!("is larger than {MAX_EXTENT:e} metres")));
+            return Err(too_large(source, &instance.name));
         }
         ends.extend(placed);
     }
     let [low, high] = bounds(ends.into_iter());
     if (high - low).max_element() > MAX_EXTENT {
-        return Err(source.invalid("scene", format!("is larger than {MAX_EXTENT:e} metres")));
+        return Err(too_large(source, "scene"));
     }
     Ok((low + high) * 0.5)
+}
+
+fn too_large(source: &Source, place: &str) -> Error {
+    let remedy = "scale it down, or leave out what lies so far away: lengths are metres";
+    Error::invalid(source.file, place, format!("is larger than {MAX_EXTENT:e} metres"), remedy)
 }
 
 fn bounds(points: impl Iterator<Item = DVec3>) -> [DVec3; 2] {

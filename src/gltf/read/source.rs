@@ -5,6 +5,7 @@
 
 use crate::{
     error::{Error, Result},
+    files,
     gltf::{
         Document,
         uri::{self, Named},
@@ -94,7 +95,7 @@ pub(super) fn linked(document: &Path, text: &str, place: &str) -> Result<Vec<u8>
         let remedy = "download it, put it beside the document and name it by a relative path";
         return Err(Error::unsupported(document, format!("{place}: the remote address {text}"), remedy));
     };
-    uri::file(&named.path).map_err(|e| match e {
+    files::read(&named.path).map_err(|e| match e {
         Error::Io { source, .. } => Error::invalid(
             document,
             place,

@@ -57,10 +57,11 @@ pub const UNSIGNED_SHORT: u64 = 5123;
 /// componentType of u32.
 pub const UNSIGNED_INT: u64 = 5125;
 
-/// Reads accessor `index` of the source document, which must have `count` elements.
-pub fn read(document: &Document, index: usize, count: usize) -> Result<Elements> {
+/// Reads accessor `index` of the source document, which must have `count` elements; `place` is where it is used.
+pub fn read(document: &Document, index: usize, count: usize, place: &str) -> Result<Elements> {
     let fail = |problem: &str| {
-        Error::invalid(&document.path, format!("accessor {index}"), problem, "Repair the file with its exporter.")
+        let remedy = "export the file again; luxel copies all data of the vertices when it splits them";
+        Error::invalid(&document.path, format!("{place}, accessor {index}"), problem, remedy)
     };
     let accessor = &document.json["accessors"][index];
     let code = accessor["componentType"].as_u64().unwrap_or(0);

@@ -69,18 +69,21 @@ pub fn root_data(
     json!({ "pages": pages, "bakedLights": options.baked_lights, "generator": generator, "report": short(report) })
 }
 
-/// What of the report is the same on every machine: no times, no memory.
+/// What of the report is the same on every machine: no times, no memory. What does not apply is left out.
 fn short(report: &Report) -> Value {
-    json!({
+    let mut short = object(json!({
         "texels": report.texels,
         "receivers": report.receivers,
         "rays": report.rays.traced,
         "solver": report.solver.name,
+        "bounces": report.solver.bounces,
         "iterations": report.solver.iterations,
         "relativeBound": report.solver.relative_bound,
         "energyImbalance": report.energy.imbalance,
         "warnings": report.warnings.len(),
-    })
+    }));
+    short.retain(|_, value| !value.is_null());
+    short.into()
 }
 
 /// Puts the data in place, the mirror too. Returns notes.

@@ -55,7 +55,7 @@ fn read(named: &Named, image: bool) -> std::result::Result<Vec<u8>, String> {
     if named.is_outside() && !image {
         return Err(outside());
     }
-    let bytes = uri::file(&named.path).map_err(|e: Error| e.to_string())?;
+    let bytes = crate::files::read(&named.path).map_err(|e: Error| e.to_string())?;
     if named.is_outside() && mime(&bytes).is_none() { Err(outside()) } else { Ok(bytes) }
 }
 

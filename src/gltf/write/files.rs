@@ -34,7 +34,8 @@ impl Files {
             protected.extend(uris(json, "buffers", input));
         }
         if protected.contains(&identity(out)) {
-            return Err(Error::Usage(format!("{} would overwrite a part of the input", out.display())));
+            let what = format!("{}: would overwrite a part of the input", out.display());
+            return Err(Error::Usage(format!("{what}\n  choose another name")));
         }
         Ok(Files { protected, ..Files::new(out) })
     }
@@ -67,12 +68,12 @@ impl Files {
 
     fn add_named(&mut self, name: impl Fn(usize) -> String, bytes: &[u8]) -> Result<String> {
         let free = |name: &String| {
-            let path = identity(&self.folder().join(name));
+            let path = identity(&self.out.with_file_name(name));
             let taken = self.written.iter().any(|(p, _)| identity(p) == path);
             !taken && path != identity(&self.out) && !self.protected.contains(&path)
         };
         let name = (0..).map(name).find(free).unwrap_or_default();
-        let path = self.folder().join(&name);
+        let path = self.out.with_file_name(&name);
         if self.folder().is_dir() {
             std::fs::create_dir_all(folder(&path)).map_err(|e| Error::writing(&path, e))?;
         }
@@ -97,8 +98,7 @@ impl Files {
 fn temporary(path: &Path, parts: &[&[u8]]) -> Result<NamedTempFile> {
     let write = || {
         let mut file = files::temporary(path)?;
-        parts.iter().try_for_each(|part| file.write_all(part))?;
-        file.flush()?;
+        parts.iter().try_for_each(|part| file.as_file_mut().write_all(part))?;
         Ok(file)
     };
     write().map_err(|e| Error::writing(path, e))

@@ -53,6 +53,13 @@ pub struct Remarks {
     pub notes: Vec<String>,
 }
 
+/// Finds out whether `document` can be written to `out`, before anything takes long; `kept`: its vertices stay as they
+/// are.
+pub fn check(document: &Document, scene: &Scene, kept: bool, out: &Path) -> Result<()> {
+    Files::beside(out, &document.path, &document.json)?;
+    if kept { Ok(()) } else { vertices::check(document, scene) }
+}
+
 /// Writes `document` with `lightmaps` bound to it: a `.gltf` with files beside it, or, by any other name, a GLB.
 ///
 /// On failure no file is left or changed.

@@ -22,6 +22,21 @@ pub const ARRAY_BUFFER: u32 = 34962;
 /// Vertex indices (bufferView.target).
 pub const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
+/// Finds out whether everything that [`lay_out`] may have to copy can be read.
+pub fn check(document: &Document, scene: &Scene) -> Result<()> {
+    let json = &document.json;
+    for (mesh, p) in scene.meshes.iter().flat_map(|m| m.primitives.iter().map(move |p| (m, p))) {
+        let place = (mesh.source as usize, p.source as usize);
+        let Some(primitive) = sets::primitive(json, place).filter(|_| !p.triangles.is_empty()) else { continue };
+        let change =
+            Change { new: Vec::new(), renamed: sets::refuge(json, primitive), bare: lacks_first_set(json, primitive) };
+        for Copied { index, used, .. } in change.copied(primitive, place, &mesh.name) {
+            accessor::read(document, index, p.vertices.len(), &used)?;
+        }
+    }
+    Ok(())
+}
+
 /// Puts the atlas' layouts into the meshes.
 pub fn lay_out(store: &mut Store, scene: &Scene, atlas: &Atlas) -> Result<Remarks> {
     let mut parts = Vec::new();
@@ -89,6 +104,15 @@ struct Change {
     bare: bool,
 }
 
+/// An accessor that is copied when vertices are split.
+struct Copied {
+    index: usize,
+    /// Where the copy belongs.
+    pointer: String,
+    /// Where it is used, for messages.
+    used: String,
+}
+
 impl<'a> Part<'a> {
     fn of(document: &Document, mesh: &'a Mesh, layout: &'a Layout) -> Result<Vec<Self>> {
         let mut parts = Vec::new();
@@ -143,23 +167,16 @@ impl<'a> Part<'a> {
         if let Some(split) = &self.split {
             let source = sets::primitive(&document.json, self.place).ok_or_else(|| self.broken(document))?;
             let mut copies: BTreeMap<usize, Array> = BTreeMap::new();
-            let targets = source.get("targets").and_then(Value::as_array).into_iter().flatten().enumerate();
-            let targets = targets.map(|(i, target)| (format!("{at}/targets/{i}"), target));
-            let attributes = source.get("attributes").map(|a| (format!("{at}/attributes"), a));
-            for (owner, map) in attributes.into_iter().chain(targets) {
-                for (name, index) in map.as_object().into_iter().flatten() {
-                    let (Some(name), Some(index)) = (change.name(name), uint(index)) else { continue };
-                    let place = format!("{owner}/{}", name.replace('~', "~0").replace('/', "~1"));
-                    if let Some(array) = copies.get_mut(&index) {
-                        array.places.push(place);
-                        continue;
-                    }
-                    let elements = accessor::read(document, index, self.count)?;
-                    let elements = elements.gather(&split.source).ok_or_else(|| self.broken(document))?;
-                    let mut array = Array::vertices(document.json["accessors"][index].clone(), elements);
-                    array.places.push(place);
-                    copies.insert(index, array);
+            for Copied { index, pointer, used } in change.copied(source, self.place, self.name) {
+                if let Some(array) = copies.get_mut(&index) {
+                    array.places.push(pointer);
+                    continue;
                 }
+                let elements = accessor::read(document, index, self.count, &used)?;
+                let elements = elements.gather(&split.source).ok_or_else(|| self.broken(document))?;
+                let mut array = Array::vertices(document.json["accessors"][index].clone(), elements);
+                array.places.push(pointer);
+                copies.insert(index, array);
             }
             change.new.extend(copies.into_values());
             change.new.push(split.indices(format!("{at}/indices")));
@@ -242,6 +259,23 @@ impl Array {
 }
 
 impl Change {
+    /// What of the primitive at `place`, of the mesh called `mesh`, is copied: attributes and morph targets.
+    fn copied(&self, primitive: &Map<String, Value>, place: Place, mesh: &str) -> Vec<Copied> {
+        let at = format!("/meshes/{}/primitives/{}", place.0, place.1);
+        let targets = primitive.get("targets").and_then(Value::as_array).into_iter().flatten().enumerate();
+        let targets = targets.map(|(i, target)| (format!("{at}/targets/{i}"), format!("morph target {i}, "), target));
+        let attributes = primitive.get("attributes").map(|a| (format!("{at}/attributes"), String::new(), a));
+        let mut all = Vec::new();
+        for (owner, target, map) in attributes.into_iter().chain(targets) {
+            for (old, index) in map.as_object().into_iter().flatten() {
+                let (Some(name), Some(index)) = (self.name(old), uint(index)) else { continue };
+                let pointer = format!("{owner}/{}", name.replace('~', "~0").replace('/', "~1"));
+                all.push(Copied { index, pointer, used: format!("{mesh}, primitive {}, {target}{old}", place.1) });
+            }
+        }
+        all
+    }
+
     /// The new name of an attribute; `None` if the lightmap's set takes its place.
     fn name(&self, old: &str) -> Option<String> {
         match (old, self.renamed) {
