@@ -10,9 +10,15 @@ use common::{
 };
 use glam::{DVec3, UVec2, Vec3, uvec2, vec3};
 use luxel::{
+    atlas::{self, Coverage, Density, Unwrap},
+    direct::{Bounce, Direct, Sources, sky_cells},
     lightmaps::Content,
-    radiosity::{self, Solver},
-    scene::{LightKind, Sky},
+    patches::Patches,
+    progress::Silent,
+    radiosity::{self, Radiosity, Solver},
+    scene::{LightKind, Sky, World},
+    trace::Tracer,
+    transport::Transport,
 };
 use std::f64::consts::PI;
 
@@ -226,6 +232,75 @@ fn contents_of_some_bounces_add_up() {
     }
 }
 
+/// A room of one open side under a sky, with a spot on its floor many times brighter than the rest.
+fn room_with_a_bright_spot(rho: f32, texels: u32) -> Stage {
+    let mut stage = Stage::new();
+    let wall = stage.material(rho, 0.0);
+    for face in FACES.into_iter().filter(|f| *f != Face::Front) {
+        unit_room().face(&mut stage, face, wall, UVec2::ONE, UVec2::splat(texels));
+    }
+    let cone = LightKind::Spot { cos_inner: 0.98, cos_outer: 0.97, radius: 0.0 };
+    stage.light(cone, vec3(0.4, 0.9, 0.6), Vec3::NEG_Y, 1.0);
+    stage.scene.sky = Sky::Uniform(Vec3::splat(0.01));
+    stage
+}
+
+/// Light of the first bounce by samples and rows, against rows alone: the same but for the rows' own noise.
+#[test]
+fn what_bright_patches_reflect_is_counted_once() {
+    let (rho, rays) = (0.7, 1024);
+    let mut stage = room_with_a_bright_spot(rho, 16);
+    let (edge, _) = stage.lay_out();
+    let layout = atlas::Options { unwrap: Unwrap::Keep, density: Density::Resolution(edge), page_size: 8192 };
+    let scene = &stage.scene;
+    let atlas = atlas::unwrap(scene, &layout, &scene.file, &Silent, &mut Vec::new()).expect("a layout");
+    let world = World::new(scene);
+    let coverage = Coverage::new(&world, &atlas);
+    let tracer = Tracer::new(world);
+    let mut patches = Patches::new(&tracer.world, &coverage, 0.98);
+    let transport = Transport::measure(&tracer, &coverage, &mut patches, rays, &Silent).expect("rows");
+    let sources = Sources::new(&tracer, &patches);
+    let both = Direct::measure(&tracer, &coverage, &patches, &sources, rays, &Silent).expect("direct light");
+    let rows_alone = Direct { bounce: Bounce::default(), ..both.clone() };
+    let sky = sky_cells(&scene.sky);
+    let indirect = |direct: &Direct, bounces| {
+        let options = radiosity::Options { bounces, ..radiosity::Options::default() };
+        let found = Radiosity::solve(&transport, &patches, direct, &sky, sources.gathered, &options, &Silent);
+        found.expect("a solution").indirect.iter().map(|e| grey(*e)).collect::<Vec<_>>()
+    };
+
+    // Variance of each patch's light from what is sampled, had independent rays found it.
+    let sampled = |c: &u32| both.bounce.exitance.get(*c as usize).map_or(0.0, |m| grey(*m));
+    let variance = |i: usize| {
+        let (columns, n) = (transport.rows.row(i).columns, f64::from(rays));
+        let [sum, squares] = [1, 2].map(|k| columns.iter().map(|c| sampled(c).powi(k)).sum::<f64>());
+        (squares - sum * sum / n) / (n * n)
+    };
+    let n = patches.len();
+    let variance: f64 = (0..n).map(variance).sum();
+    let first: f64 = both.bounce.irradiance.iter().map(|e| grey(*e)).sum();
+    assert!(first > 50.0 * libm::sqrt(variance), "noise {} hides {first}", libm::sqrt(variance));
+
+    for bounces in [Some(0), Some(1), Some(2), Some(5), None] {
+        let [got, expected] = [&both, &rows_alone].map(|d| indirect(d, bounces));
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for d in got.iter().zip(&expected).map(|(g, e)| g - e) {
+            (sum, squares) = (sum + d, squares + d * d);
+        }
+        // The noise of the first bounce, and what becomes of it later.
+        let later: f64 = (0..bounces.unwrap_or(100)).map(|k| libm::pow(rho.into(), k.into())).sum();
+        let sigma = libm::sqrt(variance) * later;
+        assert!(sum.abs() <= 3.0 * sigma, "{bounces:?} bounces: off by {sum}, sigma {sigma}");
+        assert!(squares <= sigma * sigma, "{bounces:?} bounces: RMS {}, sigma {sigma}", libm::sqrt(squares));
+    }
+}
+
+#[test]
+fn power_of_a_bright_spot_is_kept() {
+    let energy = shoot(room_with_a_bright_spot(0.7, 16), 1024).baked.report.energy;
+    assert!(energy.emitted > 0.0 && energy.imbalance.abs() < 3e-3, "{energy:?}");
+}
+
 #[test]
 fn power_put_in_is_power_absorbed() {
     let mut stage = Stage::new();
@@ -290,7 +365,7 @@ fn threads_do_not_change_a_bit() {
     stage.light(LightKind::Point { radius: 0.05 }, vec3(1.0, 0.5, 1.2), Vec3::ZERO, 3.0);
     stage.lay_out();
     let mut options = options(64);
-    options.atlas.density = luxel::atlas::Density::Resolution(128);
+    options.atlas.density = Density::Resolution(128);
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
         let baked = pool.install(|| parts(&stage.scene, &options));

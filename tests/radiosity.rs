@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3, dvec3};
 use luxel::{
-    direct::Direct,
+    direct::{Bounce, Direct},
     math::CELLS,
     patches::Patches,
     progress::Silent,
@@ -56,7 +56,7 @@ impl Parts {
         self.system().truncated(bounces, &Silent).expect("nobody interrupts")
     }
 
-    /// K = F rho P and the light F M, F rho D of each channel, densely.
+    /// K = F rho P and the light F M, F (rho D - sampled) + what is sampled, of each channel, densely.
     fn dense(&self, channel: usize) -> Dense {
         let (n, receivers) = (self.patches.area.len(), self.transport.receivers.len());
         let mut spread = vec![vec![0.0; receivers]; n];
@@ -74,7 +74,8 @@ impl Parts {
         let mut dense = Dense { k: vec![vec![0.0; receivers]; receivers], ..Dense::default() };
         for r in 0..receivers {
             let row = self.transport.rows.row(r);
-            let (mut seen, mut lit) = (0.0, 0.0);
+            let Bounce { exitance: sampled, irradiance: extra } = &self.direct.bounce;
+            let (mut seen, mut lit) = (0.0, if extra.is_empty() { 0.0 } else { at(extra, r) });
             for &c in row.columns {
                 let (c, weight) = (c as usize, f64::from(row.weight));
                 if c >= n {
@@ -84,6 +85,7 @@ impl Parts {
                 let rho = at(&self.patches.reflectance, c);
                 seen += weight * at(&self.patches.exitance, c);
                 lit += weight * rho * f64::from(self.direct.total(c)[channel]);
+                lit -= if sampled.is_empty() { 0.0 } else { weight * at(sampled, c) };
                 dense.k[r].iter_mut().zip(&spread[c]).for_each(|(k, p)| *k += weight * rho * p);
             }
             dense.seen.push(seen);
@@ -137,26 +139,33 @@ impl Dense {
     }
 }
 
-/// What a patch's row meets, its colours (reflectance, exitance, direct light), and another receiver with its weight.
-type Given = (Vec<u32>, [[f32; 3]; 3], (u32, f32));
+/// What a patch's row meets, its colours (reflectance, exitance, direct light, the share of its reflection that is
+/// sampled), and another receiver with its weight.
+type Given = (Vec<u32>, [[f32; 3]; 4], (u32, f32));
 
-/// Coloured systems with lights, emitters and a sky, from a single ray a row; patches may read two receivers.
-fn given() -> impl Strategy<Value = (Vec<Given>, bool)> {
+/// Coloured systems with lights, emitters and a sky, from a single ray a row; patches may read two receivers, and
+/// what they reflect of direct light may be sampled.
+fn given() -> impl Strategy<Value = (Vec<Given>, [bool; 2])> {
     let columns = prop::collection::vec(0u32..16, 1..20);
-    let colours = prop::array::uniform3(prop::array::uniform3(0f32..0.99));
-    (prop::collection::vec((columns, colours, (0u32..12, 0f32..1.0)), 12), any::<bool>())
+    let colours = prop::array::uniform4(prop::array::uniform3(0f32..0.99));
+    (prop::collection::vec((columns, colours, (0u32..12, 0f32..1.0)), 12), any::<[bool; 2]>())
 }
 
-fn parts((given, interpolated): (Vec<Given>, bool)) -> Parts {
+fn parts((given, [interpolated, sampled]): (Vec<Given>, [bool; 2])) -> Parts {
     let mut parts = Parts::new(given.iter().map(|g| g.0.clone()).collect());
     let (mut starts, mut entries) = (vec![0], Vec::new());
     for (i, (_, colours, (other, weight))) in given.iter().enumerate() {
-        let [reflectance, exitance, direct] = colours.map(Vec3::from_array);
+        let [reflectance, exitance, direct, share] = colours.map(Vec3::from_array);
         parts.patches.reflectance[i] = reflectance;
         parts.patches.exitance[i] = exitance;
         parts.direct.lights[i] = direct;
         parts.direct.sky_peaks[i] = exitance * 0.1;
         parts.sky[i] = direct * 3.0;
+        if sampled {
+            // What arrives need not be what rows would have found.
+            parts.direct.bounce.exitance.push(reflectance * parts.direct.total(i) * share);
+            parts.direct.bounce.irradiance.push(share * 0.5);
+        }
         entries.extend([(i as u32, 1.0 - weight), (*other, *weight)]);
         starts.push(entries.len() as u32);
     }

@@ -1,18 +1,20 @@
-//! Emitting triangles: Lambert's closed form for the few that matter, importance sampling for the many far ones.
+//! Emitting triangles, and patches that reflect: Lambert's closed form for the few that matter, importance sampling for
+//! the many far ones.
 //!
 //! A binary tree over the emitters gives each texel a cut (after Walter et al., "Lightcuts", 2005): triangles that are
 //! near, groups further away. A few triangles are worth their exact unshadowed irradiance times the sampled share that
 //! arrives; a longer cut is sampled by what each part may send at most.
 
 use crate::{
+    atlas::Coverage,
     math::luminance,
-    patches::SurfacePoint,
+    patches::{Footprint, Patches, SurfacePoint},
     scene::{Material, Mesh, Scene, World},
     trace::rounding,
 };
 use glam::{Vec2, Vec3};
 
-/// Most triangles of a cut that are worth their closed form.
+/// Most triangles of a cut that are worth their closed form though they are not near.
 const EXACT: usize = 16;
 /// An inner node is opened while its radius exceeds this share of its distance.
 const OPEN: f32 = 0.25;
@@ -56,6 +58,8 @@ struct Node {
 #[derive(Clone, Copy)]
 pub(super) struct Stratum {
     node: u32,
+    /// A triangle too near for points on it to stand for it.
+    near: bool,
     /// What it may send at most, for sharing out samples.
     pub weight: f32,
 }
@@ -75,12 +79,32 @@ pub(super) struct Sample {
 impl Emitters {
     /// Every triangle of the world whose material emits.
     pub fn new(world: &World) -> Self {
-        let mut triangles: Vec<Emitter> = (0..world.scene.instances.len())
+        let triangles: Vec<Emitter> = (0..world.scene.instances.len())
             .flat_map(|i| world.mesh(i).primitives.iter().map(move |p| (i, p)))
             .filter(|(_, p)| world.scene.materials[p.material as usize].emits())
             .flat_map(|(i, p)| p.triangles.clone().map(move |t| (i, t)))
             .filter_map(|(i, t)| Emitter::new(world, i, t))
             .collect();
+        Self::grown(triangles)
+    }
+
+    /// The pieces of all patches of which `exitance` is not zero.
+    pub fn of_patches(world: &World, coverage: &Coverage, patches: &Patches, exitance: &[Vec3]) -> Self {
+        let mut footprint = Footprint::new(world, coverage);
+        let mut triangles = Vec::new();
+        for (i, m) in exitance.iter().enumerate().filter(|(_, m)| **m != Vec3::ZERO) {
+            let (texel, back) = patches.texel(i);
+            footprint.set(texel);
+            // Holes send nothing.
+            let solid = patches.area[i] / footprint.area().max(1e-30);
+            let radiance = *m * (solid * std::f32::consts::FRAC_1_PI);
+            triangles.extend(footprint.triangles().filter_map(|t| Emitter::piece(t, back, radiance)));
+        }
+        Self::grown(triangles)
+    }
+
+    /// The tree over `triangles`.
+    fn grown(mut triangles: Vec<Emitter>) -> Self {
         let mut nodes = Vec::new();
         if !triangles.is_empty() {
             let n = triangles.len();
@@ -134,7 +158,8 @@ impl Emitters {
             power *= if leaf.two_sided { cos.abs() + slack } else { cos + slack }.clamp(0.0, 1.0);
         }
         if power > 0.0 {
-            cut.push(Stratum { node, weight: power * cos.min(1.0) / (distance * distance) });
+            let near = n.second == 0 && n.radius + reach > OPEN * distance;
+            cut.push(Stratum { node, near, weight: power * cos.min(1.0) / (distance * distance) });
         }
     }
 
@@ -144,12 +169,15 @@ impl Emitters {
         e.radiance * (e.projected_solid_angle(p) / p.kept())
     }
 
-    /// Sorts the cut into the triangles that matter most, each worth its closed form, and the rest.
+    /// Sorts the cut into the triangles that are near or matter most, each worth its closed form, and the rest.
     pub fn divide<'c>(&self, cut: &'c mut [Stratum]) -> (&'c [Stratum], &'c [Stratum]) {
         let leaf = |s: &Stratum| self.nodes[s.node as usize].second == 0;
-        cut.sort_by(|a, b| leaf(b).cmp(&leaf(a)).then(b.weight.total_cmp(&a.weight)));
-        let near = cut.iter().take(EXACT).take_while(|s| leaf(s)).count();
-        cut.split_at(near)
+        cut.sort_by(|a, b| {
+            let by_kind = b.near.cmp(&a.near).then(leaf(b).cmp(&leaf(a)));
+            by_kind.then(b.weight.total_cmp(&a.weight))
+        });
+        let exact = cut.iter().enumerate().take_while(|(i, s)| s.near || (*i < EXACT && leaf(s))).count();
+        cut.split_at(exact)
     }
 
     /// A point of the stratum, seen from `p`; `None` if it sends nothing there.
@@ -213,6 +241,17 @@ impl Emitter {
         (e.area > 0.0 && e.radiance.max_element() > 0.0).then_some(e)
     }
 
+    /// A triangle that emits evenly to one side.
+    fn piece(mut corners: [Vec3; 3], back: bool, radiance: Vec3) -> Option<Self> {
+        if back {
+            corners.swap(1, 2);
+        }
+        let cross = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+        let (normal, area) = (cross.normalize_or_zero(), cross.length() * 0.5);
+        let e = Emitter { corners, normal, area, radiance, footprint: 0.0, two_sided: false, instance: 0, local: 0 };
+        (area > 0.0).then_some(e)
+    }
+
     fn power(&self) -> f32 {
         luminance(self.radiance).max(1e-20) * self.area
     }
@@ -226,7 +265,8 @@ impl Emitter {
     /// Integral of cos over the solid angle above both the face and the shading normal (Lambert's edge sum, 1760).
     fn projected_solid_angle(&self, p: &SurfacePoint) -> f32 {
         let facing = (p.position - self.corners[0]).dot(self.normal);
-        if facing == 0.0 || (facing < 0.0 && !self.two_sided) {
+        // A point of the triangle itself, lifted off by rounding, would see it as all of its hemisphere.
+        if facing.abs() <= rounding(&self.corners) || (facing < 0.0 && !self.two_sided) {
             return 0.0;
         }
         let mut polygon = Corners::new(self.corners.map(|c| c - p.position));
@@ -347,6 +387,21 @@ mod tests {
         };
         let f = half([z(0., 0.), z(1., 0.), z(1., 1.)]) + half([z(0., 0.), z(1., 1.), z(0., 1.)]);
         assert!((f / std::f32::consts::PI - 0.138_531_6).abs() < 1e-6, "{f}");
+    }
+
+    #[test]
+    fn a_triangle_does_not_light_itself() {
+        let corners = [Vec3::new(0.3, 0.1, 0.7), Vec3::new(1.4, 0.9, 1.3), Vec3::new(0.2, 1.7, 2.1)];
+        let e = Emitter::piece(corners, false, Vec3::ONE).expect("an area");
+        // The same normal, rounded another way.
+        let face = (corners[2] - corners[1]).cross(corners[0] - corners[1]).normalize();
+        for i in 0..1000 {
+            let [x, y, ..] = sobol_burley::sample_4d(i, 0, 0);
+            let (b, c) = (x.sqrt() * (1.0 - y), x.sqrt() * y);
+            let position = corners[0] + (corners[1] - corners[0]) * b + (corners[2] - corners[0]) * c;
+            let p = SurfacePoint { position, ..point(face, face) };
+            assert!(e.projected_solid_angle(&p) < 1e-3, "{position}");
+        }
     }
 
     #[test]

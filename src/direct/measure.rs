@@ -77,6 +77,7 @@ pub(super) fn measure(
         emitters: received.iter().map(|r| r.emitters).collect(),
         sky_peaks: received.iter().map(|r| r.sky_peaks).collect(),
         shadow_rays,
+        ..Direct::default()
     })
 }
 
@@ -151,7 +152,7 @@ impl Task<'_> {
             r.mixed |= tally.hits > 0 && tally.hits < tally.rays;
             r.rays += tally.rays;
         };
-        for light in self.sources.scene.lights.iter().filter(|l| l.bake != Bake::None) {
+        for light in self.sources.lights.iter().filter(|l| l.bake != Bake::None) {
             let tally = self.punctual(points, &on_surface, |p, u| punctual::aim(light, p, wrapped(u + shift)));
             *(if light.bake == Bake::Full { &mut r.lights } else { &mut r.hidden }) += tally.arrived;
             book(tally, &mut r);
@@ -180,9 +181,10 @@ impl Task<'_> {
         if !far.is_empty() {
             let (tally, noise) = self.pooled(far, &points[..samples(weight(far))], &on_surface, shift);
             r.emitters += tally.arrived;
-            r.mixed |= noise > NOISE * luminance(r.emitters);
+            r.mixed |= noise > NOISE * luminance(r.emitters).max(self.sources.faint);
             book(Tally { hits: tally.rays, ..tally }, &mut r);
         }
+        let sent = sent.max(self.sources.faint);
         r.share = if sent > 0.0 { arrived / sent } else { 0.0 };
         r
     }

@@ -3,8 +3,10 @@
 //! Each source's unshadowed irradiance is known in closed form (or nearly); shadow rays measure the share that arrives.
 //! Few probes settle the texels that see all of a source or nothing; where they disagree, within the texel or with its
 //! neighbours, many rays follow. Sources that rows see well enough (large emitters, smooth sky) are left to the rows:
-//! [`Sources`] decides, and each is counted once.
+//! [`Sources`] decides, and each is counted once. Patches that reflect much of this light are sources in their turn
+//! ([`Bounce`]).
 
+mod bright;
 mod emitters;
 mod measure;
 mod punctual;
@@ -12,7 +14,14 @@ mod sky;
 
 pub use sky::sky_cells;
 
-use crate::{atlas::Coverage, error::Result, patches::Patches, progress::Observer, scene::Scene, trace::Tracer};
+use crate::{
+    atlas::Coverage,
+    error::Result,
+    patches::Patches,
+    progress::Observer,
+    scene::{Light, Scene},
+    trace::Tracer,
+};
 use glam::Vec3;
 
 /// Direct irradiance E of the open part of every patch, W/m^2, one map a light group.
@@ -26,15 +35,29 @@ pub struct Direct {
     pub emitters: Vec<Vec3>,
     /// Sampled peaks of the sky.
     pub sky_peaks: Vec<Vec3>,
+    /// The part of what bright patches reflect that is sampled, too.
+    pub bounce: Bounce,
     /// Shadow rays traced.
     pub shadow_rays: u64,
+}
+
+/// Light of the first bounce that is sampled, as that of emitters is, because few rays of a row would meet it.
+#[derive(Clone, Debug, Default)]
+pub struct Bounce {
+    /// Exitance of each patch that is counted here, and that rows must not carry, W/m^2. Empty: none.
+    pub exitance: Vec<Vec3>,
+    /// Irradiance from there, at every patch. Empty: none.
+    pub irradiance: Vec<Vec3>,
 }
 
 /// What shines, and by which way it is counted.
 pub struct Sources<'s> {
     scene: &'s Scene,
+    lights: &'s [Light],
     emitters: emitters::Emitters,
     peaks: Option<sky::Peaks>,
+    /// Noise is judged against this luminance of irradiance at least.
+    faint: f32,
     /// True if rows carry the exitance of surfaces; false if it is sampled here.
     pub gathered: bool,
 }
@@ -51,7 +74,13 @@ impl<'s> Sources<'s> {
         let least = if emitters.are_few() { GATHERED_SHARE } else { GATHERED_SHARE_OF_MANY };
         let gathered = emitting > least * all;
         let emitters = if gathered { emitters::Emitters::default() } else { emitters };
-        Sources { scene, emitters, peaks: sky::Peaks::new(&scene.sky), gathered }
+        Sources { scene, lights: &scene.lights, emitters, peaks: sky::Peaks::new(&scene.sky), faint: 0.0, gathered }
+    }
+
+    /// Patches that reflect much.
+    fn reflecting(tracer: &Tracer<'s>, coverage: &Coverage, patches: &Patches, bright: &bright::Bright) -> Self {
+        let emitters = emitters::Emitters::of_patches(&tracer.world, coverage, patches, &bright.exitance);
+        Sources { scene: tracer.world.scene, lights: &[], emitters, peaks: None, faint: bright.mean, gathered: false }
     }
 
     /// Number of triangles that are sampled as emitters.
@@ -75,7 +104,14 @@ impl Direct {
         rays: u32,
         observer: &dyn Observer,
     ) -> Result<Self> {
-        measure::measure(tracer, coverage, patches, sources, rays, observer)
+        let mut direct = measure::measure(tracer, coverage, patches, sources, rays, observer)?;
+        if let Some(bright) = bright::Bright::new(patches, &direct) {
+            let sources = Sources::reflecting(tracer, coverage, patches, &bright);
+            let received = measure::measure(tracer, coverage, patches, &sources, rays, observer)?;
+            direct.shadow_rays += received.shadow_rays;
+            direct.bounce = Bounce { exitance: bright.exitance, irradiance: received.emitters };
+        }
+        Ok(direct)
     }
 
     /// Sum of all groups for a patch.

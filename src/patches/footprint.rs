@@ -118,6 +118,17 @@ impl<'w> Footprint<'w> {
         }
     }
 
+    /// Its pieces, wound as the front is.
+    pub fn triangles(&self) -> impl Iterator<Item = [Vec3; 3]> {
+        self.cells.iter().flat_map(|c| {
+            let [o, x, y] = c.origin;
+            // Clipping keeps the order of uv, which a mirrored chart turns around.
+            let [x, y] = if x.cross(y).dot(self.faces[c.face as usize].normal) < 0.0 { [y, x] } else { [x, y] };
+            let other = c.square.then_some([o + x, o + x + y, o + y]);
+            std::iter::once([o, o + x, o + y]).chain(other)
+        })
+    }
+
     /// True if all of it has one normal.
     pub fn is_flat(&self) -> bool {
         matches!(&self.faces[..], [one] if !one.smooth)

@@ -4,7 +4,8 @@ use crate::{direct::Direct, math::luminance, patches::Patches, transport::Transp
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// I -> F (M + rho (D + P I)) for given light and reflectance.
+/// I -> F (M + rho (D + P I) - S) + B for given light and reflectance: of the first bounce, F rho D, the part S of the
+/// exitance rho D arrives as the sampled irradiance B ([`Bounce`](crate::direct::Bounce)) instead.
 ///
 /// In double precision: beside a lamp a thousand times brighter than the dark half, single precision ends before the
 /// error that is allowed, and near reflectance 1 it is amplified ten thousandfold.
@@ -13,6 +14,10 @@ pub struct System<'t> {
     /// M of each patch, then the exitance of each cell of the sky.
     emission: Vec<Vec3>,
     reflectance: &'t [Vec3],
+    /// S of each patch; empty: none.
+    sampled: &'t [Vec3],
+    /// B of each receiver; empty: none.
+    extra: Vec<Vec3>,
     direct: Vec<Vec3>,
 }
 
@@ -21,12 +26,21 @@ const TERMS: usize = 4;
 
 impl<'t> System<'t> {
     /// `sky`: exitance of the sky's cells; `gathered`: rows carry the exitance of surfaces.
-    pub fn new(transport: &'t Transport, patches: &'t Patches, direct: &Direct, sky: &[Vec3], gathered: bool) -> Self {
+    pub fn new(
+        transport: &'t Transport,
+        patches: &'t Patches,
+        direct: &'t Direct,
+        sky: &[Vec3],
+        gathered: bool,
+    ) -> Self {
         let exitance = |i: usize| if gathered { patches.exitance[i] } else { Vec3::ZERO };
+        let extra = transport.receivers.iter().filter_map(|&i| direct.bounce.irradiance.get(i as usize));
         System {
             transport,
             emission: (0..patches.len()).map(exitance).chain(sky.iter().copied()).collect(),
             reflectance: &patches.reflectance,
+            sampled: &direct.bounce.exitance,
+            extra: extra.copied().collect(),
             direct: (0..patches.len()).map(|i| direct.total(i)).collect(),
         }
     }
@@ -51,8 +65,10 @@ impl<'t> System<'t> {
             let [emission, reflectance, direct] = [self.emission[i], self.reflectance[i], self.direct[i]];
             *b = emission.as_dvec3() + reflectance.as_dvec3() * (direct.as_dvec3() + *b);
         });
+        radiosity.par_iter_mut().zip(self.sampled).for_each(|(b, sampled)| *b -= sampled.as_dvec3());
         radiosity.extend(self.emission[n..].iter().map(|cell| cell.as_dvec3()));
         self.transport.rows.map_into(out, |row| row.sum(|c| radiosity[c as usize]));
+        out.par_iter_mut().zip(&self.extra).for_each(|(out, extra)| *out += extra.as_dvec3());
         self.transport.rows.entries()
     }
 

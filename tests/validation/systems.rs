@@ -27,7 +27,8 @@ fn solve_lumped(f: &[Vec<f64>], rho: &[f64], exitance: &[f64]) -> Vec<f64> {
         ..Patches::default()
     };
     let none = || vec![Vec3::ZERO; n];
-    let direct = Direct { lights: none(), hidden_lights: none(), emitters: none(), sky_peaks: none(), shadow_rays: 0 };
+    let direct =
+        Direct { lights: none(), hidden_lights: none(), emitters: none(), sky_peaks: none(), ..Direct::default() };
     let transport = Transport::from_rows(n, f.iter().map(|row| counted(row)));
     transport.validate().expect("rows of form factors");
     let sky = vec![Vec3::ZERO; luxel::math::CELLS as usize];
