@@ -23,6 +23,8 @@ const CHUNK: usize = 256;
 const EXACT_POINTS: usize = 8;
 /// Blocks of points among which a partly enclosed texel looks for open ones.
 const BLOCKS: usize = 8;
+/// Blocks of points for lamps, the sun and peaks of the sky where their shadow's edge may cross a texel.
+const EDGE: usize = 4;
 /// Relative standard error of a sampled cut that calls for more rays.
 const NOISE: f32 = 0.01;
 /// Difference of arriving shares between neighbours that calls for more rays.
@@ -63,11 +65,11 @@ pub(super) fn measure(
     let all: Vec<u32> = (0..patches.len() as u32).collect();
     let task = Task { tracer, coverage, patches, sources, enclosure: Enclosure::new(tracer) };
     observer.begin("direct", all.len() as u64);
-    let mut received = task.run(&all, &PointTable::new(probes, 0x6469_7265), observer)?;
+    let mut received = task.run(&all, &PointTable::new(probes, 0x6469_7265), 1, observer)?;
     let again: Vec<u32> = (0..patches.len() as u32).filter(|&i| task.is_mixed(&received, i as usize)).collect();
     observer.begin("direct: shadow edges", again.len() as u64);
     let mut shadow_rays: u64 = received.iter().map(|r| u64::from(r.rays)).sum();
-    for (&i, r) in again.iter().zip(task.run(&again, &PointTable::new(rays as usize, 0x7368_6164), observer)?) {
+    for (&i, r) in again.iter().zip(task.run(&again, &PointTable::new(rays as usize, 0x7368_6164), EDGE, observer)?) {
         shadow_rays += u64::from(r.rays);
         received[i as usize] = r;
     }
@@ -90,7 +92,7 @@ struct Task<'a> {
 }
 
 impl Task<'_> {
-    fn run(&self, which: &[u32], table: &PointTable, observer: &dyn Observer) -> Result<Vec<Received>> {
+    fn run(&self, which: &[u32], table: &PointTable, edge: usize, observer: &dyn Observer) -> Result<Vec<Received>> {
         let done: Vec<Vec<Received>> = which
             .par_chunks(CHUNK)
             .map(|chunk| {
@@ -99,7 +101,8 @@ impl Task<'_> {
                 }
                 let mut footprint = Footprint::new(&self.tracer.world, self.coverage);
                 let mut cut = Vec::new();
-                let out = chunk.iter().map(|&i| self.patch(i as usize, table, &mut footprint, &mut cut)).collect();
+                let out =
+                    chunk.iter().map(|&i| self.patch(i as usize, table, edge, &mut footprint, &mut cut)).collect();
                 observer.advance(chunk.len() as u64);
                 out
             })
@@ -123,7 +126,14 @@ impl Task<'_> {
         })
     }
 
-    fn patch(&self, patch: usize, table: &PointTable, footprint: &mut Footprint, cut: &mut Vec<Stratum>) -> Received {
+    fn patch(
+        &self,
+        patch: usize,
+        table: &PointTable,
+        edge: usize,
+        footprint: &mut Footprint,
+        cut: &mut Vec<Stratum>,
+    ) -> Received {
         let (texel, back) = self.patches.texel(patch);
         let at = self.coverage.texels[texel].at;
         footprint.set(texel);
@@ -131,12 +141,13 @@ impl Task<'_> {
             let p = footprint.point(u);
             if back { p.reversed() } else { p }
         };
-        let open;
-        let points = if self.patches.validity[patch] < 1.0 {
+        let (open, blocks);
+        let (points, edge_points) = if self.patches.validity[patch] < 1.0 {
             open = self.open_points(table, at, &on_surface);
-            &open[..]
+            (&open[..], &open[..])
         } else {
-            table.block(at.x, at.y, 0)
+            blocks = (0..edge).flat_map(|pass| table.block(at.x, at.y, pass)).copied().collect::<Vec<_>>();
+            (table.block(at.x, at.y, 0), &blocks[..])
         };
         if points.is_empty() {
             return Received::default();
@@ -153,12 +164,12 @@ impl Task<'_> {
             r.rays += tally.rays;
         };
         for light in self.sources.lights.iter().filter(|l| l.bake != Bake::None) {
-            let tally = self.punctual(points, &on_surface, |p, u| punctual::aim(light, p, wrapped(u + shift)));
+            let tally = self.punctual(edge_points, &on_surface, |p, u| punctual::aim(light, p, wrapped(u + shift)));
             *(if light.bake == Bake::Full { &mut r.lights } else { &mut r.hidden }) += tally.arrived;
             book(tally, &mut r);
         }
         if let Some(peaks) = &self.sources.peaks {
-            let tally = self.punctual(points, &on_surface, |p, u| peaks.aim(p, wrapped(u + shift)));
+            let tally = self.punctual(edge_points, &on_surface, |p, u| peaks.aim(p, wrapped(u + shift)));
             r.sky_peaks += tally.arrived;
             book(tally, &mut r);
         }
