@@ -267,7 +267,6 @@ type Progress = Option<unsafe extern "C" fn(c_int, c_int, *mut c_void)>;
 type Parameterize = Option<unsafe extern "C" fn(*const f32, *mut f32, u32, *const u32, u32, bool)>;
 type Print = Option<unsafe extern "C" fn(*const c_char, ...) -> c_int>;
 
-#[allow(improper_ctypes)]
 unsafe extern "C" {
     #[link_name = "_ZN6xatlas6CreateEv"]
     fn create() -> *mut Atlas;

@@ -141,14 +141,14 @@ impl Task<'_> {
             let p = footprint.point(u);
             if back { p.reversed() } else { p }
         };
-        let (open, blocks);
-        let (points, edge_points) = if self.patches.validity[patch] < 1.0 {
+        let open;
+        let (points, more) = if self.patches.validity[patch] < 1.0 {
             open = self.open_points(table, at, &on_surface);
-            (&open[..], &open[..])
+            (&open[..], 1..1)
         } else {
-            blocks = (0..edge).flat_map(|pass| table.block(at.x, at.y, pass)).copied().collect::<Vec<_>>();
-            (table.block(at.x, at.y, 0), &blocks[..])
+            (table.block(at.x, at.y, 0), 1..edge)
         };
+        let edge_points = points.iter().chain(more.flat_map(|pass| table.block(at.x, at.y, pass)));
         if points.is_empty() {
             return Received::default();
         }
@@ -164,12 +164,13 @@ impl Task<'_> {
             r.rays += tally.rays;
         };
         for light in self.sources.lights.iter().filter(|l| l.bake != Bake::None) {
-            let tally = self.punctual(edge_points, &on_surface, |p, u| punctual::aim(light, p, wrapped(u + shift)));
+            let tally =
+                self.punctual(edge_points.clone(), &on_surface, |p, u| punctual::aim(light, p, wrapped(u + shift)));
             *(if light.bake == Bake::Full { &mut r.lights } else { &mut r.hidden }) += tally.arrived;
             book(tally, &mut r);
         }
         if let Some(peaks) = &self.sources.peaks {
-            let tally = self.punctual(edge_points, &on_surface, |p, u| peaks.aim(p, wrapped(u + shift)));
+            let tally = self.punctual(edge_points.clone(), &on_surface, |p, u| peaks.aim(p, wrapped(u + shift)));
             r.sky_peaks += tally.arrived;
             book(tally, &mut r);
         }
@@ -209,21 +210,22 @@ impl Task<'_> {
     }
 
     /// Mean over the texel's points of what arrives from a source that is one ray a point.
-    fn punctual(
+    fn punctual<'p>(
         &self,
-        points: &[Point],
+        points: impl Iterator<Item = &'p Point>,
         on_surface: &impl Fn(Vec2) -> SurfacePoint,
         aim: impl Fn(&SurfacePoint, Vec2) -> Option<Aim>,
     ) -> Tally {
-        let mut tally = Tally::default();
+        let (mut tally, mut n) = (Tally::default(), 0);
         for point in points {
+            n += 1;
             let p = on_surface(point.place);
             let Some(a) = aim(&p, point.extra) else { continue };
             // A hair short of the light: a lamp's own surface may stand at it.
             let through = self.through(&p, a.direction, a.distance * (1.0 - 1e-4));
             tally.add(a.irradiance, a.irradiance, through);
         }
-        tally.scaled(1.0 / points.len() as f32)
+        tally.scaled(1.0 / n as f32)
     }
 
     /// A leaf's closed form times the share that arrives.

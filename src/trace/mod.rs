@@ -57,7 +57,7 @@ pub fn rounding(corners: &[Vec3; 3]) -> f32 {
 /// Largest coordinate in the tree, at most: products of coordinates neither overflow nor vanish.
 const EXTENT: f32 = 2048.0;
 
-/// Flags beside a global triangle.
+/// Flags beside a global triangle, of which there are fewer than 2^30: their texels would not fit a machine.
 const HOLES: u32 = 1 << 30;
 const MIRRORED: u32 = 1 << 31;
 

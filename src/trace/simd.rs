@@ -191,7 +191,6 @@ impl Lanes for Portable {
 }
 
 #[cfg(target_arch = "x86_64")]
-#[allow(unsafe_code)]
 mod avx2 {
     use super::{Eight, LANES, Lanes, Task};
     use std::arch::x86_64::*;

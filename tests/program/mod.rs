@@ -1,5 +1,4 @@
 //! Runs the program in a folder of its own.
-#![allow(dead_code, reason = "each test file uses its share")]
 
 use std::{
     path::PathBuf,
