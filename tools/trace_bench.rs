@@ -12,7 +12,8 @@
 //! Embree comes with `pip download embreex --no-deps`: a wheel is a zip, the library lies in its folder embreex.libs.
 //!
 //! Closest hits: the rays of the rows, in the order of the bake. Any hit: from the same origins to lamps nearby (see
-//! trace_bench/batch.rs). Every contender gets the same rays in the same order, one ray a call. Rates are medians over
+//! trace_bench/batch.rs). Every contender gets the same rays in the same order, luxel 64 a call as a bake asks, Embree one
+//! a call. Rates are medians over
 //! the rounds, in millions of rays: a second of processor time on one thread, a second of wall time on all threads.
 //! "luxel/x" is the ratio of the medians on one thread, with the range of the single rounds behind it.
 //!
@@ -21,7 +22,7 @@
 //! those of its commits, luxel's also hold the placing of corners. Embree's bytes are what its memory monitor reports.
 //!
 //! Embree here knows no holes, so materials are made opaque for both; only the gather loop sees the scene as it is. The
-//! gather loop (points, directions, hits, look-up, sorting, backs) is held against the bare closest hits of its rays.
+//! gather loop (points, directions, hits, look-up, backs) is held against the bare closest hits of its rays.
 
 mod trace_bench {
     pub mod batch;

@@ -4,6 +4,7 @@ use super::{
     Direct, Sources,
     emitters::{Sample, Stratum},
     punctual::{self, Aim},
+    volley::{Tally, Volley},
 };
 use crate::{
     atlas::Coverage,
@@ -44,13 +45,11 @@ struct Received {
     rays: u32,
 }
 
-/// Unshadowed and arriving light of one source.
-#[derive(Default)]
-struct Tally {
-    sent: Vec3,
-    arrived: Vec3,
-    hits: u32,
-    rays: u32,
+/// What a task keeps at hand.
+struct Desk<'a> {
+    footprint: Footprint<'a>,
+    cut: Vec<Stratum>,
+    volley: Volley,
 }
 
 pub(super) fn measure(
@@ -99,10 +98,9 @@ impl Task<'_> {
                 if observer.cancelled() {
                     return Vec::new();
                 }
-                let mut footprint = Footprint::new(&self.tracer.world, self.coverage);
-                let mut cut = Vec::new();
-                let out =
-                    chunk.iter().map(|&i| self.patch(i as usize, table, edge, &mut footprint, &mut cut)).collect();
+                let footprint = Footprint::new(&self.tracer.world, self.coverage);
+                let mut desk = Desk { footprint, cut: Vec::new(), volley: Volley::default() };
+                let out = chunk.iter().map(|&i| self.patch(i as usize, table, edge, &mut desk)).collect();
                 observer.advance(chunk.len() as u64);
                 out
             })
@@ -126,14 +124,8 @@ impl Task<'_> {
         })
     }
 
-    fn patch(
-        &self,
-        patch: usize,
-        table: &PointTable,
-        edge: usize,
-        footprint: &mut Footprint,
-        cut: &mut Vec<Stratum>,
-    ) -> Received {
+    fn patch(&self, patch: usize, table: &PointTable, edge: usize, desk: &mut Desk) -> Received {
+        let Desk { footprint, cut, volley } = desk;
         let (texel, back) = self.patches.texel(patch);
         let at = self.coverage.texels[texel].at;
         footprint.set(texel);
@@ -164,13 +156,14 @@ impl Task<'_> {
             r.rays += tally.rays;
         };
         for light in self.sources.lights.iter().filter(|l| l.bake != Bake::None) {
-            let tally =
-                self.punctual(edge_points.clone(), &on_surface, |p, u| punctual::aim(light, p, wrapped(u + shift)));
+            let aim = |p: &SurfacePoint, u| punctual::aim(light, p, wrapped(u + shift));
+            let tally = self.punctual(edge_points.clone(), &on_surface, aim, volley);
             *(if light.bake == Bake::Full { &mut r.lights } else { &mut r.hidden }) += tally.arrived;
             book(tally, &mut r);
         }
         if let Some(peaks) = &self.sources.peaks {
-            let tally = self.punctual(edge_points.clone(), &on_surface, |p, u| peaks.aim(p, wrapped(u + shift)));
+            let aim = |p: &SurfacePoint, u| peaks.aim(p, wrapped(u + shift));
+            let tally = self.punctual(edge_points.clone(), &on_surface, aim, volley);
             r.sky_peaks += tally.arrived;
             book(tally, &mut r);
         }
@@ -185,13 +178,13 @@ impl Task<'_> {
         let mut next = 0;
         for stratum in near {
             let n = samples(stratum.weight);
-            let tally = self.exact(stratum, points, next..next + n, &on_surface, shift);
+            let tally = self.exact(stratum, points, next..next + n, &on_surface, shift, volley);
             next += n;
             r.emitters += tally.arrived;
             book(tally, &mut r);
         }
         if !far.is_empty() {
-            let (tally, noise) = self.pooled(far, &points[..samples(weight(far))], &on_surface, shift);
+            let (tally, noise) = self.pooled(far, &points[..samples(weight(far))], &on_surface, shift, volley);
             r.emitters += tally.arrived;
             r.mixed |= noise > NOISE * luminance(r.emitters).max(self.sources.faint);
             book(Tally { hits: tally.rays, ..tally }, &mut r);
@@ -203,10 +196,17 @@ impl Task<'_> {
 
     /// As many points as a block has, or all that few blocks give, that other geometry does not enclose.
     fn open_points(&self, table: &PointTable, at: UVec2, on_surface: &impl Fn(Vec2) -> SurfacePoint) -> Vec<Point> {
-        let candidates = (0..BLOCKS).flat_map(|pass| table.block(at.x, at.y, pass));
-        let mut enclosed = 0;
-        let is_open = |p: &&Point| !self.enclosure.holds(&on_surface(p.place), at, Vec2::X, &mut enclosed);
-        candidates.filter(is_open).take(table.block(at.x, at.y, 0).len()).copied().collect()
+        let (mut open, mut enclosed, wish) = (Vec::new(), 0, table.block(at.x, at.y, 0).len());
+        for points in (0..BLOCKS).map(|pass| table.block(at.x, at.y, pass)) {
+            let on_surface: Vec<SurfacePoint> = points.iter().map(|p| on_surface(p.place)).collect();
+            let holds = self.enclosure.holds(&on_surface, at, Vec2::X, &mut enclosed);
+            open.extend(points.iter().zip(holds).filter(|(_, enclosed)| !enclosed).map(|(p, _)| *p));
+            if open.len() >= wish {
+                break;
+            }
+        }
+        open.truncate(wish);
+        open
     }
 
     /// Mean over the texel's points of what arrives from a source that is one ray a point.
@@ -215,17 +215,19 @@ impl Task<'_> {
         points: impl Iterator<Item = &'p Point>,
         on_surface: &impl Fn(Vec2) -> SurfacePoint,
         aim: impl Fn(&SurfacePoint, Vec2) -> Option<Aim>,
+        volley: &mut Volley,
     ) -> Tally {
-        let (mut tally, mut n) = (Tally::default(), 0);
+        let mut n = 0;
+        volley.clear();
         for point in points {
             n += 1;
             let p = on_surface(point.place);
-            let Some(a) = aim(&p, point.extra) else { continue };
-            // A hair short of the light: a lamp's own surface may stand at it.
-            let through = self.through(&p, a.direction, a.distance * (1.0 - 1e-4));
-            tally.add(a.irradiance, a.irradiance, through);
+            if let Some(Aim { direction, distance, irradiance }) = aim(&p, point.extra) {
+                // A hair short of the light: a lamp's own surface may stand at it.
+                volley.aim(&p, direction, distance * (1.0 - 1e-4), irradiance, irradiance);
+            }
         }
-        tally.scaled(1.0 / n as f32)
+        volley.fire(self.tracer).scaled(1.0 / n as f32)
     }
 
     /// A leaf's closed form times the share that arrives.
@@ -236,17 +238,19 @@ impl Task<'_> {
         samples: std::ops::Range<usize>,
         on_surface: &impl Fn(Vec2) -> SurfacePoint,
         shift: Vec2,
+        volley: &mut Volley,
     ) -> Tally {
-        let mut tally = Tally::default();
         // The same points for all leaves: what their closed forms share between them sums up.
         let few = &points[..points.len().min(EXACT_POINTS)];
         let exact: Vec3 = few.iter().map(|p| self.sources.emitters.exact(stratum, &on_surface(p.place))).sum();
         let exact = exact / few.len() as f32;
+        volley.clear();
         for k in samples {
             let point = &points[k % points.len()];
             let p = on_surface(point.place);
-            self.to_emitter(stratum, &p, wrapped(point.extra + shift), 1.0, &mut tally);
+            self.to_emitter(stratum, &p, wrapped(point.extra + shift), 1.0, volley);
         }
+        let tally = volley.fire(self.tracer);
         let share = Vec3::select(tally.sent.cmpgt(Vec3::ZERO), tally.arrived / tally.sent, Vec3::ZERO);
         Tally { sent: exact, arrived: exact * share, ..tally }
     }
@@ -258,8 +262,8 @@ impl Task<'_> {
         points: &[Point],
         on_surface: &impl Fn(Vec2) -> SurfacePoint,
         shift: Vec2,
+        volley: &mut Volley,
     ) -> (Tally, f32) {
-        let mut tally = Tally::default();
         let mut total = 0.0;
         let cumulative: Vec<f32> = cut
             .iter()
@@ -268,7 +272,7 @@ impl Task<'_> {
                 total
             })
             .collect();
-        let (mut sum, mut squares) = (0.0, 0.0);
+        volley.clear();
         for point in points {
             let p = on_surface(point.place);
             let u = wrapped(point.extra + shift);
@@ -276,46 +280,27 @@ impl Task<'_> {
             let k = cumulative.partition_point(|&c| c <= at).min(cut.len() - 1);
             let stratum = &cut[k];
             let inside = 1.0 - (cumulative[k] - at) / stratum.weight;
-            let before = luminance(tally.arrived);
             let u = Vec2::new(inside.clamp(0.0, 1.0), u.y);
-            self.to_emitter(stratum, &p, u, total / stratum.weight, &mut tally);
-            let x = luminance(tally.arrived) - before;
-            sum += x;
-            squares += x * x;
+            self.to_emitter(stratum, &p, u, total / stratum.weight, volley);
         }
-        let n = points.len() as f32;
+        let tally = volley.fire(self.tracer);
+        // Samples without a ray are zero.
+        let squares: f32 = volley.arrivals().map(|x| luminance(x) * luminance(x)).sum();
+        let (n, sum) = (points.len() as f32, luminance(tally.arrived));
         let variance = (squares / n - (sum / n) * (sum / n)).max(0.0);
         (tally.scaled(1.0 / n), (variance / n).sqrt())
     }
 
-    /// One shadow ray to a point of the stratum, worth `weight`.
-    fn to_emitter(&self, stratum: &Stratum, p: &SurfacePoint, u: Vec2, weight: f32, tally: &mut Tally) {
+    /// Aims at a point of the stratum; what comes from there is worth `weight`.
+    fn to_emitter(&self, stratum: &Stratum, p: &SurfacePoint, u: Vec2, weight: f32, volley: &mut Volley) {
         let sample = self.sources.emitters.sample(self.sources.scene, stratum, p, u);
         if let Some(Sample { direction, distance, irradiance, mean }) = sample {
-            let through = self.through(p, direction, distance * (1.0 - 1e-5));
-            tally.add(mean * weight, irradiance * weight, through);
+            volley.aim(p, direction, distance * (1.0 - 1e-5), mean * weight, irradiance * weight);
         }
-    }
-
-    fn through(&self, p: &SurfacePoint, direction: Vec3, distance: f32) -> Vec3 {
-        self.tracer.transmittance(p.lifted(), direction, distance)
     }
 }
 
 /// Each coordinate's fraction.
 fn wrapped(u: Vec2) -> Vec2 {
     u - u.floor()
-}
-
-impl Tally {
-    fn add(&mut self, sent: Vec3, irradiance: Vec3, through: Vec3) {
-        self.sent += sent;
-        self.arrived += irradiance * through;
-        self.hits += u32::from(through != Vec3::ZERO);
-        self.rays += 1;
-    }
-
-    fn scaled(self, f: f32) -> Self {
-        Tally { sent: self.sent * f, arrived: self.arrived * f, ..self }
-    }
 }

@@ -11,6 +11,7 @@ mod emitters;
 mod measure;
 mod punctual;
 mod sky;
+mod volley;
 
 pub use sky::sky_cells;
 

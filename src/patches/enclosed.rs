@@ -2,7 +2,7 @@
 
 use super::SurfacePoint;
 use crate::{
-    math::{Frame, PointTable},
+    math::{Frame, Point, PointTable},
     trace::{Hit, Ray, Tracer},
 };
 use glam::{UVec2, Vec2};
@@ -10,9 +10,10 @@ use glam::{UVec2, Vec2};
 /// Rays that decide, at most: the first that sees anything else settles it. Where most of the view is backs of sheets,
 /// few would mistake it for an enclosure.
 const PROBES: usize = 32;
-/// Points of a texel that must be found enclosed by all probes before [`FEW`] beside its ray are trusted for the others.
+/// Those that are traced at once.
+const TOGETHER: usize = 8;
+/// Points of a texel that must be found enclosed by all probes before one beside its ray is trusted for the others.
 const TRUST: usize = 2;
-const FEW: usize = 1;
 
 /// Looks around points. A point is enclosed if all it sees are backs, single-sided or not, that do not shine.
 pub struct Enclosure<'a> {
@@ -32,17 +33,38 @@ impl<'a> Enclosure<'a> {
         !hit.front && !self.tracer.world.material(hit.triangle).emits()
     }
 
-    /// True if the probes from `p`, a point of the texel `at`, end on backs. `turn` turns them about the normal; `found`
-    /// counts the points of this texel that were found enclosed.
-    pub fn holds(&self, p: &SurfacePoint, at: UVec2, turn: Vec2, found: &mut usize) -> bool {
-        let frame = Frame::around(p.face).turned(turn);
-        let probes = if *found < TRUST { PROBES } else { FEW };
-        let enclosed = self.probes.block(at.x, at.y, *found).iter().take(probes).enumerate().all(|(k, probe)| {
-            let ray = Ray { origin: p.lifted(), direction: frame.to_world(probe.direction), key: k as u32 };
-            let hit = self.tracer.closest(&ray);
-            hit.is_some_and(|h| self.may_enclose(&h))
-        });
-        *found += usize::from(enclosed);
+    /// Which of some points of the texel `at` are enclosed: the probes from there end on backs. `turn` turns them about
+    /// the normal; `found` counts the points of this texel that were found enclosed.
+    pub fn holds(&self, points: &[SurfacePoint], at: UVec2, turn: Vec2, found: &mut usize) -> Vec<bool> {
+        let mut enclosed = Vec::with_capacity(points.len());
+        while enclosed.len() < points.len() && *found < TRUST {
+            let p = &points[enclosed.len()];
+            let probes = &self.probes.block(at.x, at.y, *found)[..PROBES];
+            let all =
+                probes.chunks(TOGETHER).all(|few| self.backs(few.iter().map(|probe| (p, probe)), turn).all(|b| b));
+            *found += usize::from(all);
+            enclosed.push(all);
+        }
+        let others = &points[enclosed.len()..];
+        let probes = self.probes.block(at.x, at.y, *found).iter().cycle();
+        enclosed.extend(self.backs(others.iter().zip(probes), turn));
+        *found += enclosed[points.len() - others.len()..].iter().filter(|e| **e).count();
         enclosed
+    }
+
+    /// Which probes end on a back.
+    fn backs<'p>(
+        &self,
+        probes: impl Iterator<Item = (&'p SurfacePoint, &'p Point)>,
+        turn: Vec2,
+    ) -> impl Iterator<Item = bool> {
+        let ray = |(k, (p, probe)): (usize, (&SurfacePoint, &Point))| {
+            let direction = Frame::around(p.face).turned(turn).to_world(probe.direction);
+            Ray { origin: p.lifted(), direction, key: k as u32 }
+        };
+        let rays: Vec<Ray> = probes.enumerate().map(ray).collect();
+        let mut hits = vec![None; rays.len()];
+        self.tracer.closest_of_each(&rays, &mut hits);
+        hits.into_iter().map(|hit| hit.is_some_and(|h| self.may_enclose(&h)))
     }
 }

@@ -12,7 +12,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use simd::{Eight, LANES, Lanes, Level, Task};
 use tree::{Bounds, NOTHING, Node, Tree};
-use walk::{Candidates, Sheared, Triangles, Visit, walk};
+use walk::{Candidates, Packet, Triangles, Visit, walk};
 
 /// Rays against a scene.
 pub struct Tracer<'s> {
@@ -34,6 +34,17 @@ pub struct Ray {
     pub direction: Vec3,
     /// Which chances it has to pass what lets light through.
     pub key: u32,
+}
+
+/// A way that light may take.
+#[derive(Clone, Copy, Debug)]
+pub struct Segment {
+    /// World position.
+    pub origin: Vec3,
+    /// Unit direction, or one by whose length distances are counted.
+    pub direction: Vec3,
+    /// How far it goes, in lengths of the direction.
+    pub t: f32,
 }
 
 /// Where a ray ends.
@@ -89,27 +100,21 @@ impl<'s> Tracer<'s> {
     /// The first surface along a ray. Alpha and transmission let it pass by chance, keyed by its key and the triangle.
     #[inline]
     pub fn closest(&self, ray: &Ray) -> Option<Hit> {
-        simd::run(self.level, Closest { tracer: self, ray, hit: None })
+        let mut hit = [None];
+        self.closest_of_each(std::slice::from_ref(ray), &mut hit);
+        hit[0]
     }
 
-    /// The first surface along each ray: less than one by one. Neighbours with like directions take the least time.
-    pub fn closest_of_each(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>) {
-        hits.clear();
-        simd::run(self.level, Closests { tracer: self, rays, hits });
+    /// The first surface along each ray, in less time than one by one. Neighbours with like directions take the least.
+    pub fn closest_of_each(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        assert_eq!(rays.len(), hits.len(), "a hit for each ray");
+        simd::run(self.level, Closest { tracer: self, rays, hits });
     }
 
-    /// Share of light (rgb) that comes through from `origin` to distance `t` along `direction`.
-    #[inline]
-    pub fn transmittance(&self, origin: Vec3, direction: Vec3, t: f32) -> Vec3 {
-        simd::run(self.level, Through { tracer: self, origin, direction, t, through: Vec3::ONE })
-    }
-
-    #[inline(always)]
-    fn walk<S: Lanes, V: Visit>(&self, origin: Vec3, direction: Vec3, t: f32, visitor: &mut V) {
-        if !self.nodes.is_empty() {
-            let ray = Sheared::new(origin * self.scale, direction);
-            walk::<S, V>(&self.nodes, &self.leaves, &ray, t * self.scale, visitor);
-        }
+    /// Share of light (rgb) that comes through each segment, likewise.
+    pub fn transmittance_of_each(&self, segments: &[Segment], through: &mut [Vec3]) {
+        assert_eq!(segments.len(), through.len(), "a share for each segment");
+        simd::run(self.level, Through { tracer: self, segments, through });
     }
 
     #[cold]
@@ -125,38 +130,26 @@ impl<'s> Tracer<'s> {
     }
 }
 
-struct Closests<'a> {
+struct Closest<'a> {
     tracer: &'a Tracer<'a>,
     rays: &'a [Ray],
-    hits: &'a mut Vec<Option<Hit>>,
+    /// Nearest so far, distances in the tree's units.
+    hits: &'a mut [Option<Hit>],
 }
 
-impl Task for Closests<'_> {
+impl Task for Closest<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Lanes>(self) {
-        for ray in self.rays {
-            self.hits.push(Closest { tracer: self.tracer, ray, hit: None }.run::<S>());
+        let tracer = self.tracer;
+        for (rays, hits) in self.rays.chunks(LANES).zip(self.hits.chunks_mut(LANES)) {
+            hits.fill(None);
+            let ray = |k: usize| (rays[k].origin * tracer.scale, rays[k].direction, f32::INFINITY);
+            let mut packet = Packet::new(rays.len(), ray);
+            walk::<S, _>(&tracer.nodes, &tracer.leaves, &mut packet, &mut Closest { tracer, rays, hits });
+            hits.iter_mut().flatten().for_each(|h| h.t /= tracer.scale);
         }
-    }
-}
-
-struct Closest<'a> {
-    tracer: &'a Tracer<'a>,
-    ray: &'a Ray,
-    /// Nearest so far, its distance in the tree's units.
-    hit: Option<Hit>,
-}
-
-impl Task for Closest<'_> {
-    type Output = Option<Hit>;
-
-    #[inline(always)]
-    fn run<S: Lanes>(mut self) -> Option<Hit> {
-        let (tracer, ray) = (self.tracer, self.ray);
-        tracer.walk::<S, _>(ray.origin, ray.direction, f32::INFINITY, &mut self);
-        self.hit.map(|h| Hit { t: h.t / tracer.scale, ..h })
     }
 }
 
@@ -164,17 +157,22 @@ impl Visit for Closest<'_> {
     const ORDERED: bool = true;
 
     #[inline(always)]
-    fn visit(&mut self, leaf: &Triangles, candidates: &Candidates, t: f32) -> f32 {
-        let (mut lanes, mut t) = (candidates.lanes, t);
+    fn visit(&mut self, ray: usize, leaf: &Triangles, candidates: &Candidates, reach: f32) -> f32 {
+        let (mut lanes, mut t) = (candidates.lanes, reach);
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize;
             lanes &= lanes - 1;
-            let Some(m) = candidates.meet(lane).filter(|m| m.t < t) else { continue };
+            let Some(m) = candidates.meet(lane).filter(|m| m.t <= t) else { continue };
             let id = leaf.ids[lane];
-            if id & HOLES == 0 || !self.tracer.passes(id, m.bary, self.ray.key) {
+            let triangle = id & !(HOLES | MIRRORED);
+            // Of two in one place the first, whichever is found first.
+            if m.t == t && self.hits[ray].is_some_and(|h| h.triangle < triangle) {
+                continue;
+            }
+            if id & HOLES == 0 || !self.tracer.passes(id, m.bary, self.rays[ray].key) {
                 t = m.t;
                 let front = m.clockwise == (id & MIRRORED != 0);
-                self.hit = Some(Hit { t, triangle: id & !(HOLES | MIRRORED), bary: m.bary, front });
+                self.hits[ray] = Some(Hit { t, triangle, bary: m.bary, front });
             }
         }
         t
@@ -183,20 +181,25 @@ impl Visit for Closest<'_> {
 
 struct Through<'a> {
     tracer: &'a Tracer<'a>,
-    origin: Vec3,
-    direction: Vec3,
-    t: f32,
-    through: Vec3,
+    segments: &'a [Segment],
+    through: &'a mut [Vec3],
 }
 
 impl Task for Through<'_> {
-    type Output = Vec3;
+    type Output = ();
 
     #[inline(always)]
-    fn run<S: Lanes>(mut self) -> Vec3 {
-        let (tracer, origin, direction, t) = (self.tracer, self.origin, self.direction, self.t);
-        tracer.walk::<S, _>(origin, direction, t, &mut self);
-        self.through
+    fn run<S: Lanes>(self) {
+        let tracer = self.tracer;
+        for (segments, through) in self.segments.chunks(LANES).zip(self.through.chunks_mut(LANES)) {
+            through.fill(Vec3::ONE);
+            let segment = |k: usize| {
+                let s = &segments[k];
+                (s.origin * tracer.scale, s.direction, s.t * tracer.scale)
+            };
+            let mut packet = Packet::new(segments.len(), segment);
+            walk::<S, _>(&tracer.nodes, &tracer.leaves, &mut packet, &mut Through { tracer, segments, through });
+        }
     }
 }
 
@@ -204,16 +207,17 @@ impl Visit for Through<'_> {
     const ORDERED: bool = false;
 
     #[inline(always)]
-    fn visit(&mut self, leaf: &Triangles, candidates: &Candidates, t: f32) -> f32 {
+    fn visit(&mut self, ray: usize, leaf: &Triangles, candidates: &Candidates, reach: f32) -> f32 {
         let mut lanes = candidates.lanes;
+        let through = &mut self.through[ray];
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize;
             lanes &= lanes - 1;
-            let Some(m) = candidates.meet(lane).filter(|m| m.t < t) else { continue };
+            let Some(m) = candidates.meet(lane).filter(|m| m.t < reach) else { continue };
             let id = leaf.ids[lane];
-            self.through *= if id & HOLES == 0 { Vec3::ZERO } else { self.tracer.through(id, m.bary) };
+            *through *= if id & HOLES == 0 { Vec3::ZERO } else { self.tracer.through(id, m.bary) };
         }
-        if self.through == Vec3::ZERO { 0.0 } else { t }
+        if *through == Vec3::ZERO { -1.0 } else { reach }
     }
 }
 

@@ -73,6 +73,12 @@ fn shoot(tracer: &Tracer, origin: Vec3, direction: Vec3) -> Option<Hit> {
     tracer.closest(&Ray { origin, direction, key: 0 })
 }
 
+fn through<const N: usize>(tracer: &Tracer, origin: Vec3, direction: Vec3, t: [f32; N]) -> [Vec3; N] {
+    let mut through = [Vec3::ZERO; N];
+    tracer.transmittance_of_each(&t.map(|t| Segment { origin, direction, t }), &mut through);
+    through
+}
+
 /// One tracer for each instruction set of this machine.
 fn tracers(scene: &Scene) -> Vec<Tracer<'_>> {
     let tracer = |level| Tracer { level, ..Tracer::new(World::new(scene)) };
@@ -101,8 +107,11 @@ fn closest_and_occlusion_agree_with_brute_force() {
             let brute = (0..world.len()).map(at).fold(f64::INFINITY, f64::min) as f32;
             let hit = shoot(&tracer, origin, d).expect("the room is closed");
             assert!((hit.t - brute).abs() <= 2e-6 * (1.0 + brute), "ray {k}: {} for {brute}", hit.t);
-            let through = |f: f32| tracer.transmittance(origin, d, brute * f);
-            assert_eq!((through(1.0001), through(0.9999)), (Vec3::ZERO, Vec3::ONE), "ray {k}");
+            assert_eq!(
+                through(&tracer, origin, d, [brute * 1.0001, brute * 0.9999]),
+                [Vec3::ZERO, Vec3::ONE],
+                "ray {k}"
+            );
             let [p, q, r] = world.corners(0, hit.triangle);
             let at = p + (q - p) * hit.bary.x + (r - p) * hit.bary.y;
             assert!(at.distance(origin + d * hit.t) < 1e-4, "ray {k}: barycentrics lead to {at}");
@@ -123,6 +132,30 @@ fn every_instruction_set_gives_the_same_bits() {
             (hit.t.to_bits(), hit.triangle, hit.bary.to_array().map(f32::to_bits))
         };
         assert!(tracers.iter().all(|t| bits(t) == bits(&tracers[0])), "ray {k}");
+    }
+}
+
+#[test]
+fn rays_together_meet_what_they_meet_alone() {
+    // Every triangle twice: of two in one place the same one is reported, whoever walks along.
+    let half = Vec3::new(2.0, 1.0, 3.0);
+    let mut scene = room(half, 3, 400);
+    let mesh = &mut scene.meshes[0];
+    mesh.triangles.extend_from_within(..);
+    mesh.primitives[0].triangles = 0..mesh.triangles.len() as u32;
+    let once = mesh.triangles.len() as u32 / 2;
+    for tracer in tracers(&scene) {
+        for n in [1, 2, 7, 8, 9, 64, 1000] {
+            let ray = |k| Ray { origin: inside(k, half), direction: direction(k), key: 0 };
+            let rays: Vec<Ray> = (0..n).map(ray).collect();
+            let mut hits = vec![None; rays.len()];
+            tracer.closest_of_each(&rays, &mut hits);
+            for (ray, hit) in rays.iter().zip(hits) {
+                let bits = |h: Option<Hit>| h.map(|h| (h.t.to_bits(), h.triangle, h.bary.to_array().map(f32::to_bits)));
+                assert_eq!(bits(hit), bits(tracer.closest(ray)));
+                assert!(hit.is_some_and(|h| h.triangle < once), "the first of two in one place");
+            }
+        }
     }
 }
 
@@ -150,7 +183,7 @@ fn hits_close_by_and_along_axes_count() {
         for d in [Vec3::new(1.0, -0.0, 0.0), Vec3::new(1.0, -0.0, -0.0), Vec3::new(1.0, 0.1, 0.1)] {
             let hit = shoot(&tracer, origin, d).expect("the room is closed");
             assert!((hit.t - gap).abs() <= 1e-6 * gap, "gap {gap} along {d}: {}", hit.t);
-            assert_eq!(tracer.transmittance(origin, d, f32::INFINITY), Vec3::ZERO, "gap {gap} along {d}");
+            assert_eq!(through(&tracer, origin, d, [f32::INFINITY]), [Vec3::ZERO], "gap {gap} along {d}");
         }
     }
 }

@@ -60,7 +60,7 @@ impl Tree {
     /// 0.4 sorts one that lies there to the opposite side, which ruins the tree of a room with flat outer walls.
     pub fn new(boxes: &[Bounds], margin: f32) -> Self {
         if boxes.is_empty() {
-            return Tree::default();
+            return Tree { nodes: vec![Node::empty()], ..Tree::default() };
         }
         let wider = |(i, b): (usize, &Bounds)| {
             let margin = margin * (1.0 + unit_float(hash(i as u32, 0x6d61_7267)));

@@ -120,22 +120,15 @@ impl Sheared {
         S::load(plane).sub(S::splat(self.origin[axis])).mul(S::splat(self.inverse[axis]))
     }
 
-    /// The triangles of a leaf that the ray seems to meet before `t`.
+    /// The triangles of a leaf that the line of the ray seems to meet: of those behind its start there are few.
     #[inline(always)]
-    fn triangles<S: Lanes>(&self, leaf: &Triangles, t: f32) -> Option<Candidates> {
+    fn triangles<S: Lanes>(&self, leaf: &Triangles) -> Option<Candidates> {
         let a = self.corner::<S>(&leaf.corners[0]);
         let b = self.corner::<S>(&leaf.corners[1]);
         let c = self.corner::<S>(&leaf.corners[2]);
         let (u, v, w) = (area(b, c), area(c, a), area(a, b));
         let zero = S::splat(0.0);
         let lanes = zero.le(u.min(v).min(w)) | u.max(v).max(w).le(zero);
-        if lanes == 0 {
-            return None;
-        }
-        // None of what lies behind its start or beyond `t` altogether.
-        let scale = S::splat(self.slope[2]);
-        let (i, j, k) = (a.2.mul(scale), b.2.mul(scale), c.2.mul(scale));
-        let lanes = lanes & zero.le(i.max(j).max(k)) & i.min(j).min(k).le(S::splat(t));
         if lanes == 0 {
             return None;
         }
@@ -165,74 +158,135 @@ fn area<S: Lanes>(p: (S, S, S), q: (S, S, S)) -> S {
     p.0.mul(q.1).sub(p.1.mul(q.0))
 }
 
+/// Rays that walk together, as many as a vector has lanes.
+pub struct Packet {
+    rays: [Sheared; LANES],
+    /// How far each still reaches; negative where there is none, or none any more.
+    reach: Eight,
+}
+
+impl Packet {
+    /// At most [`LANES`] rays, at least one: origin, direction and how far each reaches.
+    #[inline(always)]
+    pub fn new(len: usize, ray: impl Fn(usize) -> (Vec3, Vec3, f32)) -> Self {
+        let mut reach = Eight([-1.0; LANES]);
+        let rays = std::array::from_fn(|k| {
+            let (origin, direction, t) = ray(k.min(len - 1));
+            reach.0[k] = if k < len { t } else { -1.0 };
+            Sheared::new(origin, direction)
+        });
+        Packet { rays, reach }
+    }
+}
+
 /// What is done in a leaf.
 pub trait Visit {
     /// Whether near leaves must come before far ones.
     const ORDERED: bool;
 
-    /// Given the triangles of a leaf, those that the ray seems to meet and how far it reaches; returns how far it still
-    /// reaches, zero ends it.
-    fn visit(&mut self, leaf: &Triangles, candidates: &Candidates, t: f32) -> f32;
+    /// Given the triangles of a leaf, those that a ray of the packet seems to meet and how far it reaches; returns how far
+    /// it still reaches, less than zero ends it.
+    fn visit(&mut self, ray: usize, leaf: &Triangles, candidates: &Candidates, reach: f32) -> f32;
 }
 
-/// Visits the leaves that the ray meets before `t`.
+/// Visits the leaves that rays meet before their reach. Those of like rays are mostly the same, and so are the decisions
+/// on the way, which cost more than the arithmetic.
 #[inline(always)]
-pub fn walk<S: Lanes, V: Visit>(nodes: &[Node], leaves: &[Triangles], ray: &Sheared, t: f32, visitor: &mut V) {
-    let mut t = t;
-    // Entering distance above, node below: distances are not negative, so that the order of the words is theirs.
+pub fn walk<S: Lanes, V: Visit>(nodes: &[Node], leaves: &[Triangles], packet: &mut Packet, visitor: &mut V) {
     let mut stack = Stack::new();
-    let mut current = 0u32;
+    let mut next = Step::new(0.0, u32::MAX, 0);
     loop {
-        if current & LEAF != 0 {
-            let leaf = &leaves[(current & !LEAF) as usize];
-            if let Some(candidates) = ray.triangles::<S>(leaf, t) {
-                t = visitor.visit(leaf, &candidates, t);
-                if t <= 0.0 {
-                    return;
-                }
-            }
-        } else {
-            let node = &nodes[current as usize];
-            let (mut mask, enter) = ray.boxes::<S>(node, t);
-            if mask != 0 {
-                let lane = mask.trailing_zeros() as usize;
-                mask &= mask - 1;
-                if mask == 0 {
-                    current = node.children[lane];
-                    continue;
-                }
-                let base = stack.reserve();
-                if !V::ORDERED {
-                    while mask != 0 {
-                        stack.push(u64::from(node.children[mask.trailing_zeros() as usize]));
-                        mask &= mask - 1;
+        // Without those that have met something nearer since.
+        let active = next.rays() & S::splat(next.enter()).le(S::load(&packet.reach));
+        if active != 0 {
+            if next.child() & LEAF != 0 {
+                let leaf = &leaves[(next.child() & !LEAF) as usize];
+                for r in lanes(active) {
+                    let reach = &mut packet.reach.0[r];
+                    if let Some(candidates) = packet.rays[r].triangles::<S>(leaf) {
+                        *reach = visitor.visit(r, leaf, &candidates, *reach);
                     }
-                    current = node.children[lane];
+                }
+            } else {
+                let node = &nodes[next.child() as usize];
+                let (mut rows, mut children) = (0u64, 0u32);
+                let mut enter = S::splat(f32::INFINITY);
+                for r in lanes(active) {
+                    let (mask, from) = packet.rays[r].boxes::<S>(node, packet.reach.0[r]);
+                    enter = enter.min(from);
+                    rows |= u64::from(mask) << (8 * r);
+                    children |= mask;
+                }
+                if children != 0 {
+                    let columns = transposed(rows);
+                    let enter = if V::ORDERED { enter.store() } else { Eight([0.0; LANES]) };
+                    let step = |c: usize| Step::new(enter.0[c], (columns >> (8 * c)) as u32, node.children[c]);
+                    let mut children = lanes(children);
+                    let base = stack.reserve();
+                    next = children.next().map_or(next, step);
+                    for other in children.map(step) {
+                        if V::ORDERED {
+                            stack.insert(base, other.0.max(next.0));
+                            next = Step(other.0.min(next.0));
+                        } else {
+                            stack.push(other.0);
+                        }
+                    }
                     continue;
                 }
-                let enter = enter.store();
-                let mut nearest = word(&enter, node, lane);
-                while mask != 0 {
-                    let next = word(&enter, node, mask.trailing_zeros() as usize);
-                    mask &= mask - 1;
-                    stack.insert(base, next.max(nearest));
-                    nearest = nearest.min(next);
-                }
-                current = nearest as u32;
-                continue;
             }
         }
-        loop {
-            let Some(next) = stack.pop() else { return };
-            if !V::ORDERED || f32::from_bits((next >> 32) as u32) < t {
-                current = next as u32;
-                break;
-            }
-        }
+        let Some(word) = stack.pop() else { return };
+        next = Step(word);
     }
 }
 
+/// Where to go: the distance at which the first of the rays enters (rounded down), the rays, the child. The order of these
+/// words is that of distances, for they are not negative.
+#[derive(Clone, Copy)]
+struct Step(u64);
+
+impl Step {
+    #[inline(always)]
+    fn new(enter: f32, rays: u32, child: u32) -> Self {
+        Step(u64::from(enter.to_bits() >> 7) << 40 | u64::from(rays & 0xff) << 32 | u64::from(child))
+    }
+
+    #[inline(always)]
+    fn enter(self) -> f32 {
+        f32::from_bits((self.0 >> 40 << 7) as u32)
+    }
+
+    #[inline(always)]
+    fn rays(self) -> u32 {
+        (self.0 >> 32) as u32 & 0xff
+    }
+
+    #[inline(always)]
+    fn child(self) -> u32 {
+        self.0 as u32
+    }
+}
+
+/// The bits that are set, lowest first.
 #[inline(always)]
-fn word(enter: &Eight, node: &Node, lane: usize) -> u64 {
-    u64::from(enter.0[lane].to_bits()) << 32 | u64::from(node.children[lane])
+fn lanes(mask: u32) -> impl Iterator<Item = usize> {
+    let mut mask = mask;
+    std::iter::from_fn(move || {
+        let lane = mask.trailing_zeros() as usize;
+        (mask != 0).then(|| {
+            mask &= mask - 1;
+            lane
+        })
+    })
+}
+
+/// Eight rows of eight bits as eight columns (Warren, "Hacker's Delight", 7-3).
+#[inline(always)]
+fn transposed(x: u64) -> u64 {
+    let swap = |x: u64, by: u32, which: u64| {
+        let t = (x ^ (x >> by)) & which;
+        x ^ t ^ (t << by)
+    };
+    swap(swap(swap(x, 7, 0x00aa_00aa_00aa_00aa), 14, 0x0000_cccc_0000_cccc), 28, 0xf0f0_f0f0)
 }

@@ -34,6 +34,8 @@ const NONE: u32 = u32::MAX;
 const PASSES: usize = 4;
 /// Open points that meet backs before the others are taken for open, too.
 const TRUST: usize = 8;
+/// Points that speak for a texel all of whose rays meet backs.
+const FEW: usize = 2;
 /// Draws of a direction above the face before it is mirrored there.
 const DRAWS: usize = 16;
 
@@ -128,7 +130,6 @@ struct Facet {
 
 /// The end of a ray whose point may be enclosed.
 struct Behind {
-    receiver: usize,
     place: Vec2,
     seen: Seen,
 }
@@ -222,8 +223,9 @@ impl<'a> Shooter<'a> {
             return done;
         }
         let receivers = self.receivers(texels, back);
-        let (mut rays, mut hits) = (Vec::new(), Vec::new());
-        let (mut ends, mut behind) = (Vec::with_capacity(texels.len() * self.rays), Vec::new());
+        let (mut rays, mut hits) = (Vec::new(), vec![None; receivers.len()]);
+        let mut ends = Vec::with_capacity(texels.len() * self.rays);
+        let mut behind: Vec<Vec<Behind>> = receivers.iter().map(|_| Vec::new()).collect();
         // All receivers shoot into one direction before the next: rays beside each other meet the same boxes.
         for k in 0..self.rays {
             rays.clear();
@@ -231,22 +233,20 @@ impl<'a> Shooter<'a> {
             self.tracer.closest_of_each(&rays, &mut hits);
             for (i, (ray, hit)) in rays.iter().zip(&hits).enumerate() {
                 ends.push(self.end(ray, hit, &mut done.stats).unwrap_or_else(|seen| {
-                    behind.push(Behind { receiver: i, place: self.point(&receivers[i], k).place, seen });
+                    behind[i].push(Behind { place: self.point(&receivers[i], k).place, seen });
                     NONE
                 }));
             }
         }
-        behind.sort_by_key(|b| b.receiver);
-        let mut behind = &behind[..];
         let mut row = Row::default();
-        for (i, receiver) in receivers.iter().enumerate() {
-            let (own, others) = behind.split_at(behind.partition_point(|b| b.receiver == i));
-            behind = others;
+        for (i, (receiver, own)) in receivers.iter().zip(&behind).enumerate() {
             row.columns.clear();
             row.columns.extend(ends[i..].iter().step_by(receivers.len()).filter(|&&column| column != NONE));
             row = Row { columns: row.columns, valid: self.rays - own.len(), ..Row::default() };
             self.complete(receiver, &mut row, own, &mut done);
-            done.block.push(&mut row.columns, 1.0 / row.valid.max(1) as f32);
+            let (patches, sky) =
+                (row.columns.iter().filter(|&c| c & SKY == 0), row.columns.iter().filter(|&c| c & SKY != 0));
+            done.block.push(patches.chain(sky).copied(), 1.0 / row.valid.max(1) as f32);
         }
         done.block.shrink();
         observer.advance(texels.len() as u64);
@@ -286,7 +286,9 @@ impl<'a> Shooter<'a> {
 
     /// Decides about the points that may be enclosed, and shoots more rays for those that are.
     fn complete(&self, receiver: &Receiver, row: &mut Row, behind: &[Behind], done: &mut Done) {
-        let enclosed_all = behind.len() == self.rays;
+        // Few rays may all meet the backs of sheets: some of their points are looked at.
+        let some = &behind[..behind.len().min(FEW)];
+        let enclosed_all = behind.len() == self.rays && self.holds(receiver, some, &mut 0).iter().all(|e| *e);
         self.decide(receiver, row, behind, enclosed_all, &mut done.stats);
         let buried = enclosed_all || row.valid == 0;
         done.buried.push(buried);
@@ -301,12 +303,13 @@ impl<'a> Shooter<'a> {
             let key = |k: usize| pass * self.rays + k;
             rays.clear();
             rays.extend(points.iter().enumerate().map(|(k, point)| self.ray(receiver, point, key(k))));
+            hits.resize(rays.len(), None);
             self.tracer.closest_of_each(&rays, &mut hits);
             behind.clear();
             for ((ray, hit), point) in rays.iter().zip(&hits).zip(points) {
                 match self.end(ray, hit, &mut done.stats) {
                     Ok(column) => row.add(column),
-                    Err(seen) => behind.push(Behind { receiver: 0, place: point.place, seen }),
+                    Err(seen) => behind.push(Behind { place: point.place, seen }),
                 }
             }
             self.decide(receiver, row, &behind, false, &mut done.stats);
@@ -314,17 +317,23 @@ impl<'a> Shooter<'a> {
     }
 
     fn decide(&self, receiver: &Receiver, row: &mut Row, behind: &[Behind], enclosed_all: bool, stats: &mut Stats) {
-        for b in behind {
-            // Where backs are those of sheets, the first few points say so; a box hides nearly all that meet backs.
-            let sheets = row.enclosed == 0 && row.open >= TRUST;
-            let open = enclosed_all
-                || sheets
-                || !self.enclosure.holds(&receiver.surface(b.place), receiver.at, receiver.turn, &mut row.enclosed);
-            if open {
-                row.open += 1;
-                row.add(self.column(b.seen, stats));
-            }
+        // Where backs are those of sheets, the first few points say so; a box hides nearly all that meet backs.
+        let few = if enclosed_all { 0 } else { behind.len().min(TRUST.saturating_sub(row.open)) };
+        let mut enclosed = self.holds(receiver, &behind[..few], &mut row.enclosed);
+        if row.enclosed > 0 {
+            enclosed.extend(self.holds(receiver, &behind[few..], &mut row.enclosed));
         }
+        enclosed.resize(behind.len(), false);
+        for b in behind.iter().zip(enclosed).filter(|(_, enclosed)| !enclosed).map(|(b, _)| b) {
+            row.open += 1;
+            row.add(self.column(b.seen, stats));
+        }
+    }
+
+    /// Which points are enclosed.
+    fn holds(&self, receiver: &Receiver, behind: &[Behind], found: &mut usize) -> Vec<bool> {
+        let points: Vec<SurfacePoint> = behind.iter().map(|b| receiver.surface(b.place)).collect();
+        self.enclosure.holds(&points, receiver.at, receiver.turn, found)
     }
 
     /// A direction about the shading normal, drawn again while it lies below the face.

@@ -46,10 +46,9 @@ impl Block {
         Block { columns: Vec::with_capacity(entries), ..Block::default() }
     }
 
-    /// Appends a row; `weight` is that of each entry.
-    pub fn push(&mut self, columns: &mut [u32], weight: f32) {
-        columns.sort_unstable();
-        self.columns.extend_from_slice(columns);
+    /// Appends a row, patches before cells of the sky; `weight` is that of each entry.
+    pub fn push(&mut self, columns: impl IntoIterator<Item = u32>, weight: f32) {
+        self.columns.extend(columns);
         self.ends.push(self.columns.len() as u32);
         self.weights.push(weight);
     }
@@ -89,7 +88,8 @@ impl Rows {
     pub fn from_rows(rows: impl IntoIterator<Item = (Vec<u32>, f32)>) -> Self {
         let mut block = Block::default();
         for (mut columns, weight) in rows {
-            block.push(&mut columns, weight);
+            columns.sort_unstable();
+            block.push(columns, weight);
         }
         Rows::new(vec![block])
     }

@@ -10,6 +10,8 @@ use std::hint::black_box;
 
 /// Rays that a task takes.
 const TASK: usize = 1 << 14;
+/// Rays that luxel is asked for at once.
+const DOZENS: usize = 64;
 /// Lamps in the scene, and how many of them light a place.
 const LAMPS: u32 = 64;
 const NEAR: usize = 8;
@@ -35,6 +37,10 @@ impl From<trace::Ray> for Ray {
 impl Ray {
     fn whole(&self) -> trace::Ray {
         trace::Ray { origin: self.origin, direction: self.direction, key: self.key }
+    }
+
+    fn segment(&self) -> trace::Segment {
+        trace::Segment { origin: self.origin, direction: self.direction, t: self.t }
     }
 }
 
@@ -78,24 +84,34 @@ impl Caster for Tracer<'_> {
 
     #[inline]
     fn occluded(&self, ray: &Ray) -> bool {
-        self.transmittance(ray.origin, ray.direction, ray.t) == Vec3::ZERO
+        let mut through = [Vec3::ZERO];
+        self.transmittance_of_each(&[ray.segment()], &mut through);
+        through[0] == Vec3::ZERO
     }
 
+    /// As a bake asks: some dozens at once, for whole hits with barycentrics, for colours that come through.
     fn hits(&self, rays: &[Ray], query: Query) -> usize {
-        match query {
-            // As a bake asks: some dozens at once, for whole hits with barycentrics.
-            Query::Closest => {
-                let (mut whole, mut hits, mut count) = (Vec::new(), Vec::new(), 0);
-                for rays in rays.chunks(64) {
+        let (mut whole, mut segments, mut count) = (Vec::new(), Vec::new(), 0);
+        let (mut hits, mut through) = ([None; DOZENS], [Vec3::ZERO; DOZENS]);
+        for rays in rays.chunks(DOZENS) {
+            match query {
+                Query::Closest => {
                     whole.clear();
                     whole.extend(rays.iter().map(Ray::whole));
-                    self.closest_of_each(&whole, &mut hits);
-                    count += black_box(&hits).iter().flatten().count();
+                    let hits = &mut hits[..rays.len()];
+                    self.closest_of_each(&whole, hits);
+                    count += black_box(&*hits).iter().flatten().count();
                 }
-                count
+                Query::Any => {
+                    segments.clear();
+                    segments.extend(rays.iter().map(Ray::segment));
+                    let through = &mut through[..rays.len()];
+                    self.transmittance_of_each(&segments, through);
+                    count += through.iter().filter(|t| **t == Vec3::ZERO).count();
+                }
             }
-            Query::Any => rays.iter().filter(|r| self.occluded(r)).count(),
         }
+        count
     }
 }
 

@@ -1,0 +1,69 @@
+//! Shadow rays from a texel to one source: aimed one by one, traced together.
+
+use crate::{
+    patches::SurfacePoint,
+    trace::{Segment, Tracer},
+};
+use glam::Vec3;
+
+/// Shadow rays and what they carry.
+#[derive(Default)]
+pub(super) struct Volley {
+    segments: Vec<Segment>,
+    shots: Vec<Shot>,
+    through: Vec<Vec3>,
+}
+
+struct Shot {
+    /// Unshadowed light that stands for this ray's: of a source whose pattern is sampled, its mean.
+    sent: Vec3,
+    /// Light that arrives if nothing is in the way.
+    irradiance: Vec3,
+}
+
+/// Unshadowed and arriving light of one source.
+#[derive(Default)]
+pub(super) struct Tally {
+    pub sent: Vec3,
+    pub arrived: Vec3,
+    pub hits: u32,
+    pub rays: u32,
+}
+
+impl Volley {
+    /// Forgets all rays.
+    pub fn clear(&mut self) {
+        self.segments.clear();
+        self.shots.clear();
+    }
+
+    /// Adds a ray from `p`.
+    pub fn aim(&mut self, p: &SurfacePoint, direction: Vec3, t: f32, sent: Vec3, irradiance: Vec3) {
+        self.segments.push(Segment { origin: p.lifted(), direction, t });
+        self.shots.push(Shot { sent, irradiance });
+    }
+
+    /// Traces all rays and sums up.
+    pub fn fire(&mut self, tracer: &Tracer) -> Tally {
+        self.through.resize(self.segments.len(), Vec3::ZERO);
+        tracer.transmittance_of_each(&self.segments, &mut self.through);
+        let mut tally = Tally { rays: self.shots.len() as u32, ..Tally::default() };
+        for (shot, &through) in self.shots.iter().zip(&self.through) {
+            tally.sent += shot.sent;
+            tally.arrived += shot.irradiance * through;
+            tally.hits += u32::from(through != Vec3::ZERO);
+        }
+        tally
+    }
+
+    /// What arrived by each ray that was fired.
+    pub fn arrivals(&self) -> impl Iterator<Item = Vec3> {
+        self.shots.iter().zip(&self.through).map(|(shot, &through)| shot.irradiance * through)
+    }
+}
+
+impl Tally {
+    pub fn scaled(self, f: f32) -> Self {
+        Tally { sent: self.sent * f, arrived: self.arrived * f, ..self }
+    }
+}
