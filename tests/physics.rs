@@ -18,7 +18,7 @@ use luxel::{
     radiosity::{self, Radiosity, Solver},
     scene::{LightKind, Sky, World},
     trace::Tracer,
-    transport::Transport,
+    transport::{self, Transport},
 };
 use std::f64::consts::PI;
 
@@ -258,7 +258,8 @@ fn what_bright_patches_reflect_is_counted_once() {
     let coverage = Coverage::new(&world, &atlas);
     let tracer = Tracer::new(world);
     let mut patches = Patches::new(&tracer.world, &coverage, 0.98);
-    let transport = Transport::measure(&tracer, &coverage, &mut patches, rays, &Silent).expect("rows");
+    let transport =
+        Transport::measure(&tracer, &coverage, &mut patches, &transport::Options::of(rays), &Silent).expect("rows");
     let sources = Sources::new(&tracer, &patches);
     let both = Direct::measure(&tracer, &coverage, &patches, &sources, rays, &Silent).expect("direct light");
     let rows_alone = Direct { bounce: Bounce::default(), ..both.clone() };
@@ -350,7 +351,10 @@ fn reflectance_is_capped_with_a_warning() {
     let mut stage = Stage::new();
     let white = stage.material(1.0, 1.0);
     unit_room().all(&mut stage, white, 8);
-    let shot = shoot_with(stage, luxel::bake::Options { rays: 32, ..luxel::bake::Options::default() });
+    let shot = shoot_with(
+        stage,
+        luxel::bake::Options { transport: transport::Options::of(32), ..luxel::bake::Options::default() },
+    );
     assert!(worst(shot.baked.irradiance.iter().map(|e| grey(*e)), 1.0 / (1.0 - 0.98)) < 2e-3);
     assert!(shot.baked.report.warnings.iter().any(|w| w.contains("capped")), "{:?}", shot.baked.report.warnings);
     assert!((shot.baked.report.reflectance.capped_area - 6.0).abs() < 1e-4);

@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let density = Density::Resolution(truth.resolution as u32);
     let atlas = atlas::Options { unwrap, density, ..atlas::Options::default() };
     let mut options = bake::Options { atlas, ..bake::Options::default() };
-    options.rays = arguments.rays.unwrap_or(options.rays);
+    options.transport.rays = arguments.rays.unwrap_or(options.transport.rays);
 
     let start = Instant::now();
     let baked = bake::bake(&scene, &options, &Silent)?;

@@ -14,7 +14,7 @@ use crate::{
     report::Report,
     scene::{Scene, World},
     trace::Tracer,
-    transport::Transport,
+    transport::{self, Transport},
 };
 use glam::Vec3;
 use std::time::Instant;
@@ -24,8 +24,10 @@ use std::time::Instant;
 pub struct Options {
     /// Layout and texel size. Default: uvunwrap, one page of 1024.
     pub atlas: atlas::Options,
-    /// Rays a form-factor row, 1..=65536. Default: 256.
-    pub rays: u32,
+    /// How rows are measured. Default: 64 rays each, used again by neighbours.
+    pub transport: transport::Options,
+    /// Shadow rays a source where a texel sees part of it, 1..=65536; fewer elsewhere. Default: 256.
+    pub shadow_rays: u32,
     /// Largest reflectance, (0, .9999]. Default: .98.
     pub max_reflectance: f32,
     /// Which light is followed, and how. Default: all bounces, by chebyshev.
@@ -38,7 +40,8 @@ impl Default for Options {
     fn default() -> Self {
         Options {
             atlas: atlas::Options::default(),
-            rays: 256,
+            transport: transport::Options::default(),
+            shadow_rays: 256,
             max_reflectance: 0.98,
             radiosity: radiosity::Options::default(),
             content: Content::Full,
@@ -77,21 +80,24 @@ pub fn bake<'s>(scene: &'s Scene, options: &Options, observer: &dyn Observer) ->
     plan::announce(scene, &atlas, &coverage, options, observer)?;
     let tracer = clock.time("trace", || Tracer::new(world));
     let mut patches = clock.time("patches", || Patches::new(&tracer.world, &coverage, options.max_reflectance));
-    let transport =
-        clock.time("transport", || Transport::measure(&tracer, &coverage, &mut patches, options.rays, observer))?;
+    let transport = clock
+        .time("transport", || Transport::measure(&tracer, &coverage, &mut patches, &options.transport, observer))?;
     let sources = Sources::new(&tracer, &patches);
-    let direct =
-        clock.time("direct", || Direct::measure(&tracer, &coverage, &patches, &sources, options.rays, observer))?;
+    let direct = clock
+        .time("direct", || Direct::measure(&tracer, &coverage, &patches, &sources, options.shadow_rays, observer))?;
     let sky = sky_cells(&scene.sky);
-    let radiosity = clock.time("radiosity", || {
+    let mut radiosity = clock.time("radiosity", || {
         Radiosity::solve(&transport, &patches, &direct, &sky, sources.gathered, &options.radiosity, observer)
     })?;
+    r.energy = energy::balance(&patches, &transport, &direct, &sky, &radiosity);
+    if options.transport.shares() {
+        clock.time("reuse", || radiosity.reuse(&transport, &tracer, &coverage, &patches, &direct, observer))?;
+    }
     let lightmaps = clock.time("lightmaps", || {
         Lightmaps::new(&tracer.world, &atlas, &coverage, &patches, &direct, &radiosity, options.content)
     });
 
     r.seconds = clock.seconds;
-    r.energy = energy::balance(&patches, &transport, &direct, &sky, &radiosity);
     r.seam_jump_p95 = jump_across_seams(&tracer.world, &atlas, &coverage, &lightmaps);
     plan::describe(&mut r, &tracer, &atlas, &coverage, &patches, &transport, &direct, &sources, &lightmaps);
     r.solver = radiosity.report;

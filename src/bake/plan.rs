@@ -59,10 +59,10 @@ pub(super) fn announce(
     observer: &dyn Observer,
 ) -> Result<()> {
     let texels = coverage.texels.len() as u64;
-    let rays = texels * u64::from(options.rays);
+    let rays = texels * u64::from(options.transport.rays);
     // Backs double the rows at worst.
     let sheets = scene.materials.iter().any(|m| m.double_sided);
-    let rows = rays * 4 * if sheets { 2 } else { 1 };
+    let rows = rays * options.transport.bytes_a_ray() * if sheets { 2 } else { 1 };
     let rest = texels * BYTES_A_TEXEL + triangles(scene) * BYTES_A_TRIANGLE + pixels(atlas) * BYTES_A_PIXEL;
     let need_mb = (rows + rest) >> 20;
     let pages = atlas.pages.iter().filter(|p| !p.hidden).count();

@@ -16,6 +16,7 @@ use luxel::{
     files, gltf, lightmaps, memory, preview, progress, radiosity,
     report::Report,
     scene::{Camera, Scene},
+    transport,
 };
 use std::{path::Path, process::ExitCode};
 
@@ -104,7 +105,9 @@ fn options(args: &args::Bake) -> Result<Options> {
     };
     let atlas = atlas::Options { unwrap, density, page_size };
     let radiosity = radiosity::Options { solver: args.solver, bounces: args.bounces };
-    Ok(Options { atlas, rays: args.rays, max_reflectance: args.max_reflectance, radiosity, content })
+    let transport = transport::Options { rays: args.rays, reuse: !args.no_reuse };
+    let max_reflectance = args.max_reflectance;
+    Ok(Options { atlas, transport, max_reflectance, radiosity, content, ..Options::default() })
 }
 
 fn start_threads(threads: Option<usize>) -> Result<()> {

@@ -4,6 +4,7 @@ mod color;
 mod frame;
 mod points;
 mod polygon;
+pub(crate) mod simd;
 mod sphere;
 
 pub use color::{SRGB_TO_LINEAR, linear_to_srgb, luminance, srgb};

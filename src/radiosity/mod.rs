@@ -7,16 +7,19 @@
 
 mod chebyshev;
 mod jacobi;
+mod reuse;
 mod system;
 
 pub use system::System;
 
 use crate::{
+    atlas::Coverage,
     direct::Direct,
     error::Result,
     patches::Patches,
     progress::{Observer, check},
     report::SolverReport,
+    trace::Tracer,
     transport::Transport,
 };
 use glam::{DVec3, Vec3};
@@ -27,6 +30,8 @@ use rayon::prelude::*;
 pub struct Radiosity {
     /// Irradiance that arrives after at least one row, at every patch, W/m^2.
     pub indirect: Vec<Vec3>,
+    /// What the last rows carried: the radiosity of every column that was gathered, W/m^2.
+    pub gathered: Vec<Vec3>,
     /// How it was found.
     pub report: SolverReport,
 }
@@ -99,6 +104,28 @@ impl Radiosity {
             Some(bounces) => system.truncated(bounces, observer),
         }
     }
+
+    /// Gathers once more: fronts also use the rays of their neighbours, where [`Options::shares`](crate::transport::Options::shares).
+    pub fn reuse(
+        &mut self,
+        transport: &Transport,
+        tracer: &Tracer,
+        coverage: &Coverage,
+        patches: &Patches,
+        direct: &Direct,
+        observer: &dyn Observer,
+    ) -> Result<()> {
+        let extra = &direct.bounce.irradiance;
+        self.indirect.iter_mut().zip(extra).for_each(|(e, extra)| *e -= *extra);
+        let gather = reuse::Gather { transport, tracer, coverage, patches, radiosity: &self.gathered };
+        let done = gather.run(&mut self.indirect, observer);
+        self.indirect.iter_mut().zip(extra).for_each(|(e, extra)| *e += *extra);
+        done
+    }
+}
+
+fn single(values: &[DVec3]) -> Vec<Vec3> {
+    values.iter().map(|v| v.as_vec3()).collect()
 }
 
 impl System<'_> {
@@ -140,7 +167,7 @@ impl System<'_> {
             }
             method.next(&mut x, &mapped);
         }
-        Ok(Radiosity { indirect: self.at_patches(&mapped), report })
+        Ok(Radiosity { indirect: self.at_patches(&mapped), gathered: single(&self.radiosity(&x)), report })
     }
 
     /// The light of the first `bounces` bounces: D + P I_N with I_0 = F M and I_n+1 = F (M + rho (D + P I_n)).
@@ -150,14 +177,16 @@ impl System<'_> {
         let mut x = vec![DVec3::ZERO; self.unknowns()];
         let mut mapped = x.clone();
         report.entries = self.emitted(&mut x);
+        let mut gathered = self.emission().to_vec();
         for _ in 0..bounces {
             check(observer)?;
+            gathered = single(&self.radiosity(&x));
             report.entries += self.map(&x, &mut mapped);
             report.iterations += 1;
             std::mem::swap(&mut x, &mut mapped);
             observer.advance(1);
         }
-        Ok(Radiosity { indirect: self.at_patches(&x), report })
+        Ok(Radiosity { indirect: self.at_patches(&x), gathered, report })
     }
 }
 

@@ -50,6 +50,11 @@ impl<'t> System<'t> {
         self.transport.receivers.len()
     }
 
+    /// M of each patch as rows carry it, then the exitance of each cell of the sky.
+    pub fn emission(&self) -> &[Vec3] {
+        &self.emission
+    }
+
     /// What rows see of light that has not been reflected yet, F M; returns the matrix entries touched.
     pub fn emitted(&self, out: &mut [DVec3]) -> u64 {
         self.transport.rows.map_into(out, |row| row.sum(|c| self.emission[c as usize].as_dvec3()));
@@ -58,6 +63,14 @@ impl<'t> System<'t> {
 
     /// Applies the map; returns the matrix entries touched.
     pub fn map(&self, x: &[DVec3], out: &mut [DVec3]) -> u64 {
+        let radiosity = self.radiosity(x);
+        self.transport.rows.map_into(out, |row| row.sum(|c| radiosity[c as usize]));
+        out.par_iter_mut().zip(&self.extra).for_each(|(out, extra)| *out += extra.as_dvec3());
+        self.transport.rows.entries()
+    }
+
+    /// What rows carry of the radiosity of every column: M + rho (D + P I) - S of patches, then the sky's exitance.
+    pub fn radiosity(&self, x: &[DVec3]) -> Vec<DVec3> {
         let n = self.reflectance.len();
         let mut radiosity = vec![DVec3::ZERO; n];
         self.transport.interpolate(x, &mut radiosity);
@@ -67,9 +80,7 @@ impl<'t> System<'t> {
         });
         radiosity.par_iter_mut().zip(self.sampled).for_each(|(b, sampled)| *b -= sampled.as_dvec3());
         radiosity.extend(self.emission[n..].iter().map(|cell| cell.as_dvec3()));
-        self.transport.rows.map_into(out, |row| row.sum(|c| radiosity[c as usize]));
-        out.par_iter_mut().zip(&self.extra).for_each(|(out, extra)| *out += extra.as_dvec3());
-        self.transport.rows.entries()
+        radiosity
     }
 
     /// Bound on the row sums of the inverse, bound on the spectral radius, and matrix entries touched.

@@ -1,16 +1,19 @@
 //! [`Tracer`]: closest hit and transmittance.
 
-mod simd;
+mod stack;
 mod tree;
 mod walk;
 
 use crate::{
-    math::{hash, unit_float},
+    math::{
+        hash,
+        simd::{self, Eight, LANES, Lanes, Level, Task},
+        unit_float,
+    },
     scene::World,
 };
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
-use simd::{Eight, LANES, Lanes, Level, Task};
 use tree::{Bounds, NOTHING, Node, Tree};
 use walk::{Candidates, Packet, Triangles, Visit, walk};
 
@@ -88,13 +91,17 @@ impl<'s> Tracer<'s> {
         let boxes: Vec<Bounds> = triangles.par_iter().map(|t| Bounds::of(&t.corners)).collect();
         let tree = Tree::new(&boxes, scale * rounding(&[Vec3::splat(extent); 3]));
         let leaves = tree.leaves.par_iter().map(|leaf| Triangles::new(leaf, &triangles)).collect();
-        let level = Level::available().pop().unwrap_or(Level::Portable);
-        Tracer { world, nodes: tree.nodes, leaves, scale, level }
+        Tracer { world, nodes: tree.nodes, leaves, scale, level: Level::best() }
     }
 
     /// Bytes held by nodes and triangles.
     pub fn bytes(&self) -> usize {
         size_of_val(&self.nodes[..]) + size_of_val(&self.leaves[..])
+    }
+
+    /// Longer than any way within the scene, metres.
+    pub fn reach(&self) -> f32 {
+        4.0 * EXTENT / self.scale
     }
 
     /// The first surface along a ray. Alpha and transmission let it pass by chance, keyed by its key and the triangle.

@@ -3,8 +3,11 @@
 //! obvhs builds a binary tree (PLOC and reinsertion); which of its nodes stay is chosen so that the expected cost of a ray
 //! is least (Ylitie, Karras and Laine, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", 2017).
 
-use super::simd::{Eight, LANES};
-use crate::math::{hash, unit_float};
+use crate::math::{
+    hash,
+    simd::{Eight, LANES},
+    unit_float,
+};
 use glam::Vec3;
 use obvhs::{
     BvhBuildParams,

@@ -5,9 +5,10 @@
 //! is looked at again in double precision.
 
 use super::{
-    simd::{Eight, LANES, Lanes, Stack},
+    stack::Stack,
     tree::{LEAF, Node},
 };
+use crate::math::simd::{Eight, LANES, Lanes};
 use glam::{Vec2, Vec3};
 
 /// Triangles of one leaf, at most eight; lanes without one hold NaN, which no ray meets.

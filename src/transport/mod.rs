@@ -9,9 +9,10 @@ mod rays;
 mod rows;
 
 pub use rays::rays_of_rows;
-pub use rows::{Row, Rows};
+pub use rows::{DARK, Ends, Row, Rows};
 
 use crate::{atlas::Coverage, error::Result, math::CELLS, patches::Patches, progress::Observer, trace::Tracer};
+use glam::Vec3;
 use rayon::prelude::*;
 use std::{iter::Sum, ops::Mul};
 
@@ -25,8 +26,54 @@ pub struct Transport {
     pub patches: usize,
     /// From receivers to patches.
     pub interpolation: Interpolation,
+    /// Where the rays of each front start; empty unless neighbours may use them.
+    pub eyes: Vec<Eye>,
     /// What became of the rays.
     pub stats: Stats,
+}
+
+/// How rows are measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// Rays a row, 1..=65536. Default: 64.
+    pub rays: u32,
+    /// Whether neighbours use each other's rays in the last gather, if rows have at most 64. Default: true.
+    pub reuse: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options { rays: 64, reuse: true }
+    }
+}
+
+impl Options {
+    /// `rays` a row, the rest as by default.
+    pub fn of(rays: u32) -> Self {
+        Options { rays, ..Options::default() }
+    }
+
+    /// True if neighbours use each other's rays: with many of their own they gain little, and every ray takes 16 bytes.
+    pub fn shares(&self) -> bool {
+        self.reuse && self.rays <= SHARED
+    }
+
+    /// Bytes that are kept of a ray.
+    pub fn bytes_a_ray(&self) -> u64 {
+        if self.shares() { 16 } else { 4 }
+    }
+}
+
+/// Most rays of a row that neighbours may use.
+const SHARED: u32 = 64;
+
+/// A receiver as its neighbours see it.
+#[derive(Clone, Copy, Debug)]
+pub struct Eye {
+    /// Where its rays start on average.
+    pub position: Vec3,
+    /// Unit shading normal in the middle.
+    pub normal: Vec3,
 }
 
 /// P: how patches read what receivers received.
@@ -67,20 +114,21 @@ impl std::ops::AddAssign for Stats {
 }
 
 impl Transport {
-    /// Measures a row of `rays` rays at every patch, and tells `patches` which backs rays met and what is buried.
+    /// Measures a row at every patch, and tells `patches` which backs rays met and what is buried.
     pub fn measure(
         tracer: &Tracer,
         coverage: &Coverage,
         patches: &mut Patches,
-        rays: u32,
+        options: &Options,
         observer: &dyn Observer,
     ) -> Result<Self> {
-        let measured = rays::measure(tracer, coverage, patches, rays, observer)?;
+        let measured = rays::measure(tracer, coverage, patches, options, observer)?;
         let transport = Transport {
             receivers: (0..patches.len() as u32).collect(),
             rows: measured.rows,
             patches: patches.len(),
             interpolation: Interpolation::Identity,
+            eyes: measured.eyes,
             stats: measured.stats,
         };
         debug_assert!(transport.validate().is_ok(), "{:?}", transport.validate());
@@ -96,6 +144,7 @@ impl Transport {
             rows,
             patches,
             interpolation: Interpolation::Identity,
+            eyes: Vec::new(),
             stats: Stats::default(),
         }
     }

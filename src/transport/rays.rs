@@ -4,8 +4,8 @@
 //! box stands for its open part. A texel enclosed altogether keeps its row and is marked.
 
 use super::{
-    Stats,
-    rows::{BLOCK, Block, Rows},
+    Eye, Options, Stats,
+    rows::{BLOCK, Block, DARK, Rows},
 };
 use crate::{
     atlas::Coverage,
@@ -21,17 +21,20 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 pub(super) struct Measured {
     pub rows: Rows,
+    pub eyes: Vec<Eye>,
     pub stats: Stats,
 }
 
 /// Entries before all backs are known: a texel's front, its back, or a cell of the sky.
 const BACK: u32 = 1 << 30;
 const SKY: u32 = 1 << 31;
-/// A ray that meets nothing that shines.
-const NONE: u32 = u32::MAX;
+/// In place of a column while it is not known whether the ray counts.
+const OPEN: u32 = u32::MAX - 1;
 
 /// Blocks of points that a partly buried texel may use up to reach its number of rays.
 const PASSES: usize = 4;
+/// Rays that escape end at this multiple of the longest way within the scene: for all texels in the same direction.
+const FAR: f32 = 64.0;
 /// Open points that meet backs before the others are taken for open, too.
 const TRUST: usize = 8;
 /// Points that speak for a texel all of whose rays meet backs.
@@ -44,15 +47,15 @@ pub(super) fn measure(
     tracer: &Tracer,
     coverage: &Coverage,
     patches: &mut Patches,
-    rays: u32,
+    options: &Options,
     observer: &dyn Observer,
 ) -> error::Result<Measured> {
     let texels = patches.fronts;
-    let shooter = Shooter::new(tracer, coverage, rays);
+    let shooter = Shooter::new(tracer, coverage, options);
     let mut wave: Vec<u32> = (0..texels as u32).collect();
     let (mut back, mut backs) = (false, Vec::new());
     let (mut validity, mut buried) = (Vec::with_capacity(texels), Vec::with_capacity(texels));
-    let mut blocks: Vec<Block> = Vec::new();
+    let (mut blocks, mut eyes) = (Vec::new(), Vec::new());
     let mut stats = Stats::default();
     observer.begin("transport", texels as u64);
     while !wave.is_empty() {
@@ -60,6 +63,7 @@ pub(super) fn measure(
         check(observer)?;
         for done in done {
             blocks.push(done.block);
+            eyes.extend(done.eyes);
             validity.extend(done.validity);
             buried.extend(done.buried);
             stats += done.stats;
@@ -75,13 +79,13 @@ pub(super) fn measure(
     renumber(&mut blocks, texels as u32, &backs, patches.len() as u32);
     patches.validity = validity;
     patches.buried = buried;
-    Ok(Measured { rows: Rows::new(blocks), stats })
+    Ok(Measured { rows: Rows::new(blocks), eyes, stats })
 }
 
 /// The rays of the fronts' rows, in the order in which [`Transport::measure`](super::Transport::measure) shoots them
 /// first: for benchmarks.
 pub fn rays_of_rows(tracer: &Tracer, coverage: &Coverage, rays: u32) -> Vec<Ray> {
-    let shooter = Shooter::new(tracer, coverage, rays);
+    let shooter = Shooter::new(tracer, coverage, &Options { rays, reuse: false });
     let texels: Vec<u32> = (0..coverage.texels.len() as u32).collect();
     let mut out = Vec::with_capacity(texels.len() * shooter.rays);
     for texels in texels.chunks(BLOCK) {
@@ -97,6 +101,10 @@ struct Shooter<'a> {
     tracer: &'a Tracer<'a>,
     coverage: &'a Coverage,
     rays: usize,
+    /// Whether the places at which rays end are kept.
+    keep: bool,
+    /// Where rays that escape end.
+    far: f32,
     /// Points of every row, by direction.
     table: PointTable,
     /// Points for what they leave open.
@@ -128,16 +136,25 @@ struct Facet {
     frame: Frame,
 }
 
+/// The end of a ray.
+struct End {
+    /// The column that it met, or what it saw if its point may be enclosed.
+    column: Result<u32, Seen>,
+    spot: Vec3,
+}
+
 /// The end of a ray whose point may be enclosed.
 struct Behind {
     place: Vec2,
     seen: Seen,
+    spot: Vec3,
 }
 
 /// Receivers whose rows are measured.
 #[derive(Default)]
 struct Done {
     block: Block,
+    eyes: Vec<Eye>,
     validity: Vec<f32>,
     buried: Vec<bool>,
     stats: Stats,
@@ -146,20 +163,28 @@ struct Done {
 /// What the rays of a row have met.
 #[derive(Default)]
 struct Row {
+    /// One for each ray that counts.
     columns: Vec<u32>,
-    /// Rays that count, those without a column included.
-    valid: usize,
+    /// In step with `columns`, if kept.
+    spots: Vec<Vec3>,
+    /// Sum of the places where the rays that count begin, if kept.
+    origins: Vec3,
+    /// Rays whose points may be enclosed.
+    behind: Vec<Behind>,
     /// Points found enclosed, and open though they met a back.
     enclosed: usize,
     open: usize,
 }
 
 impl<'a> Shooter<'a> {
-    fn new(tracer: &'a Tracer<'a>, coverage: &'a Coverage, rays: u32) -> Self {
+    fn new(tracer: &'a Tracer<'a>, coverage: &'a Coverage, options: &Options) -> Self {
+        let rays = options.rays;
         Shooter {
             tracer,
             coverage,
             rays: rays as usize,
+            keep: options.shares(),
+            far: FAR * tracer.reach(),
             table: PointTable::new(rays as usize, 0x7261_7973).by_direction(),
             again: PointTable::new(rays as usize, 0x6167_6169),
             enclosure: Enclosure::new(tracer),
@@ -225,28 +250,32 @@ impl<'a> Shooter<'a> {
         let receivers = self.receivers(texels, back);
         let (mut rays, mut hits) = (Vec::new(), vec![None; receivers.len()]);
         let mut ends = Vec::with_capacity(texels.len() * self.rays);
-        let mut behind: Vec<Vec<Behind>> = receivers.iter().map(|_| Vec::new()).collect();
+        let mut rows: Vec<Row> = receivers.iter().map(|_| Row::default()).collect();
         // All receivers shoot into one direction before the next: rays beside each other meet the same boxes.
         for k in 0..self.rays {
             rays.clear();
             rays.extend(receivers.iter().map(|r| self.ray(r, self.point(r, k), k)));
             self.tracer.closest_of_each(&rays, &mut hits);
             for (i, (ray, hit)) in rays.iter().zip(&hits).enumerate() {
-                ends.push(self.end(ray, hit, &mut done.stats).unwrap_or_else(|seen| {
-                    behind[i].push(Behind { place: self.point(&receivers[i], k).place, seen });
-                    NONE
-                }));
+                let end = self.end(ray, hit, &mut done.stats);
+                ends.push(end.column.unwrap_or(OPEN));
+                match end.column {
+                    Ok(_) if self.keep => rows[i].see(ray.origin, end.spot),
+                    Ok(_) => {}
+                    Err(seen) => {
+                        rows[i].behind.push(Behind { place: self.point(&receivers[i], k).place, seen, spot: end.spot })
+                    }
+                }
             }
         }
-        let mut row = Row::default();
-        for (i, (receiver, own)) in receivers.iter().zip(&behind).enumerate() {
-            row.columns.clear();
-            row.columns.extend(ends[i..].iter().step_by(receivers.len()).filter(|&&column| column != NONE));
-            row = Row { columns: row.columns, valid: self.rays - own.len(), ..Row::default() };
-            self.complete(receiver, &mut row, own, &mut done);
-            let (patches, sky) =
-                (row.columns.iter().filter(|&c| c & SKY == 0), row.columns.iter().filter(|&c| c & SKY != 0));
-            done.block.push(patches.chain(sky).copied(), 1.0 / row.valid.max(1) as f32);
+        for (i, (receiver, row)) in receivers.iter().zip(&mut rows).enumerate() {
+            row.columns.extend(ends[i..].iter().step_by(receivers.len()).filter(|&&column| column != OPEN));
+            self.complete(receiver, row, &mut done);
+            row.push_to(&mut done.block);
+            if self.keep {
+                let normal = receiver.surface(Vec2::splat(0.5)).normal;
+                done.eyes.push(Eye { position: row.origins / row.columns.len().max(1) as f32, normal });
+            }
         }
         done.block.shrink();
         observer.advance(texels.len() as u64);
@@ -255,14 +284,16 @@ impl<'a> Shooter<'a> {
 
     /// The column that a ray has met, or what it has seen if its point may be enclosed.
     #[inline(always)]
-    fn end(&self, ray: &Ray, hit: &Option<Hit>, stats: &mut Stats) -> Result<u32, Seen> {
+    fn end(&self, ray: &Ray, hit: &Option<Hit>, stats: &mut Stats) -> End {
         stats.traced += 1;
         let Some(hit) = hit else {
             stats.escaped += 1;
-            return Ok(SKY | cell_of(ray.direction));
+            let spot = ray.origin + ray.direction * self.far;
+            return End { column: Ok(SKY | cell_of(ray.direction)), spot };
         };
         let seen = seen(&self.tracer.world, self.coverage, hit);
-        if self.enclosure.may_enclose(hit) { Err(seen) } else { Ok(self.column(seen, stats)) }
+        let column = if self.enclosure.may_enclose(hit) { Err(seen) } else { Ok(self.column(seen, stats)) };
+        End { column, spot: ray.origin + ray.direction * hit.t }
     }
 
     #[inline(always)]
@@ -275,48 +306,57 @@ impl<'a> Shooter<'a> {
             }
             Seen::Dark => {
                 stats.dark += 1;
-                NONE
+                DARK
             }
             Seen::Lost => {
                 stats.lost += 1;
-                NONE
+                DARK
             }
         }
     }
 
     /// Decides about the points that may be enclosed, and shoots more rays for those that are.
-    fn complete(&self, receiver: &Receiver, row: &mut Row, behind: &[Behind], done: &mut Done) {
+    fn complete(&self, receiver: &Receiver, row: &mut Row, done: &mut Done) {
         // Few rays may all meet the backs of sheets: some of their points are looked at.
-        let some = &behind[..behind.len().min(FEW)];
-        let enclosed_all = behind.len() == self.rays && self.holds(receiver, some, &mut 0).iter().all(|e| *e);
-        self.decide(receiver, row, behind, enclosed_all, &mut done.stats);
-        let buried = enclosed_all || row.valid == 0;
+        let some = &row.behind[..row.behind.len().min(FEW)];
+        let enclosed_all = row.behind.len() == self.rays && self.holds(receiver, some, &mut 0).iter().all(|e| *e);
+        self.decide(receiver, row, enclosed_all, &mut done.stats);
+        let valid = row.columns.len();
+        let buried = enclosed_all || valid == 0;
         done.buried.push(buried);
-        done.validity.push(if buried { 1.0 } else { row.valid as f32 / self.rays as f32 });
-        let (mut rays, mut hits, mut behind) = (Vec::new(), Vec::new(), Vec::new());
+        done.validity.push(if buried { 1.0 } else { valid as f32 / self.rays as f32 });
+        let (mut rays, mut hits) = (Vec::new(), Vec::new());
         for pass in 1..PASSES {
-            if buried || row.valid >= self.rays {
+            let valid = row.columns.len();
+            if buried || valid >= self.rays {
                 return;
             }
             let points = self.again.block(receiver.at.x, receiver.at.y, pass);
-            let points = &points[..self.rays - row.valid];
+            let points = &points[..self.rays - valid];
             let key = |k: usize| pass * self.rays + k;
             rays.clear();
             rays.extend(points.iter().enumerate().map(|(k, point)| self.ray(receiver, point, key(k))));
             hits.resize(rays.len(), None);
             self.tracer.closest_of_each(&rays, &mut hits);
-            behind.clear();
             for ((ray, hit), point) in rays.iter().zip(&hits).zip(points) {
-                match self.end(ray, hit, &mut done.stats) {
-                    Ok(column) => row.add(column),
-                    Err(seen) => behind.push(Behind { place: point.place, seen }),
+                let End { column, spot } = self.end(ray, hit, &mut done.stats);
+                match column {
+                    Ok(column) => {
+                        row.columns.push(column);
+                        if self.keep {
+                            row.see(ray.origin, spot);
+                        }
+                    }
+                    Err(seen) => row.behind.push(Behind { place: point.place, seen, spot }),
                 }
             }
-            self.decide(receiver, row, &behind, false, &mut done.stats);
+            self.decide(receiver, row, false, &mut done.stats);
         }
     }
 
-    fn decide(&self, receiver: &Receiver, row: &mut Row, behind: &[Behind], enclosed_all: bool, stats: &mut Stats) {
+    /// Settles what is left of rays that met backs.
+    fn decide(&self, receiver: &Receiver, row: &mut Row, enclosed_all: bool, stats: &mut Stats) {
+        let behind = std::mem::take(&mut row.behind);
         // Where backs are those of sheets, the first few points say so; a box hides nearly all that meet backs.
         let few = if enclosed_all { 0 } else { behind.len().min(TRUST.saturating_sub(row.open)) };
         let mut enclosed = self.holds(receiver, &behind[..few], &mut row.enclosed);
@@ -326,7 +366,10 @@ impl<'a> Shooter<'a> {
         enclosed.resize(behind.len(), false);
         for b in behind.iter().zip(enclosed).filter(|(_, enclosed)| !enclosed).map(|(b, _)| b) {
             row.open += 1;
-            row.add(self.column(b.seen, stats));
+            row.columns.push(self.column(b.seen, stats));
+            if self.keep {
+                row.see(receiver.surface(b.place).lifted(), b.spot);
+            }
         }
     }
 
@@ -383,12 +426,24 @@ impl Receiver<'_> {
 }
 
 impl Row {
-    /// Books a ray that counts.
-    fn add(&mut self, column: u32) {
-        self.valid += 1;
-        if column != NONE {
-            self.columns.push(column);
+    /// Keeps where a ray that counts began and ended.
+    #[inline(always)]
+    fn see(&mut self, origin: Vec3, spot: Vec3) {
+        self.origins += origin;
+        self.spots.push(spot);
+    }
+
+    /// Appends it to a block: patches, cells of the sky, what does not shine.
+    fn push_to(&self, block: &mut Block) {
+        let rank = |c: u32| if c == DARK { 2 } else { c >> 31 };
+        let (mut columns, mut spots, mut lit) = (Vec::with_capacity(self.columns.len()), Vec::new(), 0);
+        for r in 0..3 {
+            lit = if r == 2 { columns.len() } else { lit };
+            let which = || (0..self.columns.len()).filter(|&k| rank(self.columns[k]) == r);
+            columns.extend(which().map(|k| self.columns[k]));
+            spots.extend(which().filter_map(|k| self.spots.get(k)));
         }
+        block.push(&columns, lit, 1.0 / self.columns.len().max(1) as f32, &spots);
     }
 }
 

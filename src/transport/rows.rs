@@ -1,6 +1,7 @@
 //! [`Rows`]: a sparse matrix of ray counts. Each entry is a column that one ray met; its weight, one over the row's
-//! rays, is implicit: four bytes a ray.
+//! rays, is implicit: four bytes a ray. Where rays are used again, the place at which each ended is kept: sixteen.
 
+use glam::Vec3;
 use rayon::prelude::*;
 use std::{iter::Sum, ops::Mul};
 
@@ -19,9 +20,26 @@ pub const BLOCK: usize = 64;
 #[derive(Clone, Debug, Default)]
 pub struct Block {
     columns: Vec<u32>,
+    /// Where each row's entries end.
     ends: Vec<u32>,
+    /// Where its rays end that met nothing that shines; the next row begins there.
+    dark_ends: Vec<u32>,
     weights: Vec<f32>,
+    /// Where each ray ended, in step with `columns`; empty if that was not kept.
+    spots: Vec<Vec3>,
 }
+
+/// Where the rays of a row ended.
+#[derive(Clone, Copy, Debug)]
+pub struct Ends<'a> {
+    /// Columns, then [`DARK`] for rays that met nothing that shines.
+    pub columns: &'a [u32],
+    /// Their places, in step; empty if they were not kept.
+    pub spots: &'a [Vec3],
+}
+
+/// In place of the column of a ray that met nothing that shines.
+pub const DARK: u32 = u32::MAX;
 
 /// One row: every entry weighs the same.
 #[derive(Clone, Copy, Debug)]
@@ -46,21 +64,28 @@ impl Block {
         Block { columns: Vec::with_capacity(entries), ..Block::default() }
     }
 
-    /// Appends a row, patches before cells of the sky; `weight` is that of each entry.
-    pub fn push(&mut self, columns: impl IntoIterator<Item = u32>, weight: f32) {
-        self.columns.extend(columns);
-        self.ends.push(self.columns.len() as u32);
+    /// Appends a row of `lit` columns, patches before cells of the sky, then [`DARK`] ones; `weight` is that of each
+    /// entry, `spots` where the rays ended, or none.
+    pub fn push(&mut self, columns: &[u32], lit: usize, weight: f32, spots: &[Vec3]) {
+        let begin = self.columns.len();
+        // Without places, nobody asks for rays that met nothing.
+        let kept = if spots.is_empty() { lit } else { columns.len() };
+        self.columns.extend_from_slice(&columns[..kept]);
+        self.ends.push((begin + lit) as u32);
+        self.dark_ends.push(self.columns.len() as u32);
         self.weights.push(weight);
+        self.spots.extend_from_slice(spots);
     }
 
-    /// All entries, for renumbering.
-    pub fn columns_mut(&mut self) -> &mut [u32] {
-        &mut self.columns
+    /// All columns that shine, for renumbering.
+    pub fn columns_mut(&mut self) -> impl Iterator<Item = &mut u32> {
+        self.columns.iter_mut().filter(|c| **c != DARK)
     }
 
     /// Gives back what was reserved too much.
     pub fn shrink(&mut self) {
         self.columns.shrink_to_fit();
+        self.spots.shrink_to_fit();
     }
 
     /// Its rows in order.
@@ -69,8 +94,16 @@ impl Block {
     }
 
     fn row(&self, k: usize) -> Row<'_> {
-        let begin = if k == 0 { 0 } else { self.ends[k - 1] as usize };
-        Row { columns: &self.columns[begin..self.ends[k] as usize], weight: self.weights[k] }
+        Row { columns: &self.columns[self.begin(k)..self.ends[k] as usize], weight: self.weights[k] }
+    }
+
+    fn rays(&self, k: usize) -> Ends<'_> {
+        let range = self.begin(k)..self.dark_ends[k] as usize;
+        Ends { columns: &self.columns[range.clone()], spots: self.spots.get(range).unwrap_or_default() }
+    }
+
+    fn begin(&self, k: usize) -> usize {
+        if k == 0 { 0 } else { self.dark_ends[k - 1] as usize }
     }
 }
 
@@ -89,7 +122,7 @@ impl Rows {
         let mut block = Block::default();
         for (mut columns, weight) in rows {
             columns.sort_unstable();
-            block.push(columns, weight);
+            block.push(&columns, columns.len(), weight, &[]);
         }
         Rows::new(vec![block])
     }
@@ -106,8 +139,19 @@ impl Rows {
 
     /// Row `i`.
     pub fn row(&self, i: usize) -> Row<'_> {
+        let (block, k) = self.locate(i);
+        block.row(k)
+    }
+
+    /// Where the rays of row `i` ended.
+    pub fn ends(&self, i: usize) -> Ends<'_> {
+        let (block, k) = self.locate(i);
+        block.rays(k)
+    }
+
+    fn locate(&self, i: usize) -> (&Block, usize) {
         let b = self.firsts.partition_point(|&f| f <= i) - 1;
-        self.blocks[b].row(i - self.firsts[b])
+        (&self.blocks[b], i - self.firsts[b])
     }
 
     /// Applies `f` to every row in parallel: `out[i] = f(row i)`.
@@ -124,12 +168,14 @@ impl Rows {
 
     /// Stored entries.
     pub fn entries(&self) -> u64 {
-        self.blocks.iter().map(|b| b.columns.len() as u64).sum()
+        let dark = |b: &Block| (0..b.ends.len()).map(|k| u64::from(b.dark_ends[k] - b.ends[k])).sum::<u64>();
+        self.blocks.iter().map(|b| b.columns.len() as u64 - dark(b)).sum()
     }
 
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
-        let block = |b: &Block| (b.columns.capacity() + b.ends.capacity() + b.weights.capacity()) * 4;
+        let words = |b: &Block| b.columns.capacity() + 2 * b.ends.capacity() + b.weights.capacity();
+        let block = |b: &Block| words(b) * 4 + b.spots.capacity() * size_of::<Vec3>();
         self.blocks.iter().map(|b| block(b) as u64).sum()
     }
 }

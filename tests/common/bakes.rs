@@ -10,6 +10,7 @@ use luxel::{
     progress::Silent,
     report::Report,
     scene::Scene,
+    transport,
 };
 
 /// A finished bake of a stage's own charts.
@@ -37,9 +38,14 @@ pub fn parts(scene: &Scene, options: &Options) -> Parts {
     Parts { atlas, coverage, patches, irradiance, lightmaps, report }
 }
 
-/// Options for tests: `rays` a row, reflectance up to .9999.
+/// Options for tests: `rays` a row and a shadow, reflectance up to .9999.
 pub fn options(rays: u32) -> Options {
-    Options { rays, max_reflectance: 0.9999, ..Options::default() }
+    Options {
+        transport: transport::Options::of(rays),
+        shadow_rays: rays,
+        max_reflectance: 0.9999,
+        ..Options::default()
+    }
 }
 
 /// Bakes a stage on its own charts.

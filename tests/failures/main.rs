@@ -40,7 +40,7 @@ fn failure_albedo_to_one() {
     let mut stage = Stage::new();
     let white = stage.material(1.0, 1.0);
     unit_room().all(&mut stage, white, 8);
-    let shot = shoot_with(stage, Options { rays: 64, ..Options::default() });
+    let shot = shoot_with(stage, Options { transport: luxel::transport::Options::of(64), ..Options::default() });
     reads(&shot, 50.0);
     assert!(shot.baked.report.warnings.iter().any(|w| w.contains("capped")));
 }

@@ -60,7 +60,13 @@ impl Bakery {
         self.baked += 1;
         input.scene.sky = Sky::Uniform(Vec3::ONE);
         let atlas = atlas::Options { density: Density::Resolution(16), ..Default::default() };
-        let Ok(baked) = bake(&input.scene, &Options { atlas, rays: 4, ..Default::default() }, &Silent) else { return };
+        let Ok(baked) = bake(
+            &input.scene,
+            &Options { atlas, transport: luxel::transport::Options::of(4), ..Default::default() },
+            &Silent,
+        ) else {
+            return;
+        };
         let finite = baked.lightmaps.pages.iter().flat_map(|p| &p.irradiance).all(|e| e.is_finite());
         assert!(finite, "{:#}", input.document.json);
         let folder = tempfile::tempdir().unwrap();

@@ -6,7 +6,13 @@ use super::{
     clock::process_seconds,
     race::{Spread, median},
 };
-use luxel::{atlas::Coverage, patches::Patches, progress::Silent, trace::Tracer, transport::Transport};
+use luxel::{
+    atlas::Coverage,
+    patches::Patches,
+    progress::Silent,
+    trace::Tracer,
+    transport::{Options, Transport},
+};
 use serde::Serialize;
 use std::fmt;
 
@@ -21,6 +27,7 @@ pub struct Gather {
 /// `batch`: the rays of `coverage`, `rays` a texel.
 pub fn measure(tracer: &Tracer, coverage: &Coverage, batch: &[Ray], rays: u32, rounds: usize) -> Gather {
     let fronts = Patches::new(&tracer.world, coverage, 0.98);
+    let options = Options { rays, reuse: false };
     let (mut bare, mut gather) = (Vec::new(), Vec::new());
     for _ in 0..rounds {
         let start = process_seconds();
@@ -28,7 +35,7 @@ pub fn measure(tracer: &Tracer, coverage: &Coverage, batch: &[Ray], rays: u32, r
         bare.push(batch.len() as f64 / (process_seconds() - start) / 1e6);
         let mut patches = fronts.clone();
         let start = process_seconds();
-        let t = Transport::measure(tracer, coverage, &mut patches, rays, &Silent).expect("nobody stops it");
+        let t = Transport::measure(tracer, coverage, &mut patches, &options, &Silent).expect("nobody stops it");
         gather.push(t.stats.traced as f64 / (process_seconds() - start) / 1e6);
     }
     Gather { rate_bare: median(&bare), rate_gather: median(&gather), gather_over_bare: Spread::new(&gather, &bare) }

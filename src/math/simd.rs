@@ -1,10 +1,8 @@
 //! Eight single-precision numbers at once: the processor's best at run time, the same results on all of them.
 //!
-//! The one file of the crate with intrinsics. Every operation is rounded once, as IEEE 754 says, on every path (no fused
-//! multiply-add), so that hits do not depend on the machine.
+//! The one file with intrinsics. Every operation is rounded once, as IEEE 754 says, on every path (no fused
+//! multiply-add), so that results do not depend on the machine.
 #![allow(unsafe_code)]
-
-use std::mem::MaybeUninit;
 
 /// Numbers in a vector.
 pub const LANES: usize = 8;
@@ -19,8 +17,10 @@ pub trait Lanes: Copy {
     fn splat(x: f32) -> Self;
     fn load(x: &Eight) -> Self;
     fn store(self) -> Eight;
+    fn add(self, o: Self) -> Self;
     fn sub(self, o: Self) -> Self;
     fn mul(self, o: Self) -> Self;
+    fn div(self, o: Self) -> Self;
     /// `self < o ? self : o`
     fn min(self, o: Self) -> Self;
     /// `self > o ? self : o`
@@ -29,70 +29,7 @@ pub trait Lanes: Copy {
     fn le(self, o: Self) -> u32;
 }
 
-/// A stack of words whose memory is not cleared for every ray.
-pub struct Stack {
-    words: [MaybeUninit<u64>; STACK],
-    len: usize,
-    /// What did not fit: a tree is that deep only where thousands of triangles lie in one place.
-    below: Vec<u64>,
-}
-
-const STACK: usize = 256;
-
-impl Stack {
-    #[inline(always)]
-    pub fn new() -> Self {
-        Stack { words: [const { MaybeUninit::uninit() }; STACK], len: 0, below: Vec::new() }
-    }
-
-    /// Makes room for the children of a node; returns where they begin.
-    #[inline(always)]
-    pub fn reserve(&mut self) -> usize {
-        if self.len > STACK - LANES {
-            self.spill();
-        }
-        self.len
-    }
-
-    /// Puts `word` among those from `base` on, greatest first. At most [`LANES`] for each call of [`Stack::reserve`].
-    #[inline(always)]
-    pub fn insert(&mut self, base: usize, word: u64) {
-        let mut k = self.len;
-        // Safety: all below `len` has been written.
-        while k > base && unsafe { self.words[k - 1].assume_init() } < word {
-            self.words[k] = self.words[k - 1];
-            k -= 1;
-        }
-        self.words[k].write(word);
-        self.len += 1;
-    }
-
-    /// Puts `word` on top.
-    #[inline(always)]
-    pub fn push(&mut self, word: u64) {
-        self.words[self.len].write(word);
-        self.len += 1;
-    }
-
-    #[inline(always)]
-    pub fn pop(&mut self) -> Option<u64> {
-        if self.len == 0 {
-            return self.below.pop();
-        }
-        self.len -= 1;
-        // Safety: as above.
-        Some(unsafe { self.words[self.len].assume_init() })
-    }
-
-    #[cold]
-    fn spill(&mut self) {
-        // Safety: as above.
-        self.below.extend(self.words[..self.len].iter().map(|w| unsafe { w.assume_init() }));
-        self.len = 0;
-    }
-}
-
-/// Instruction sets that traversal was written for, the plainest first.
+/// Instruction sets that work is compiled for, the plainest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
     /// Arrays; whatever the compiler makes of them.
@@ -111,6 +48,11 @@ impl Level {
             levels.push(Level::Avx2);
         }
         levels
+    }
+
+    /// The best that this processor has.
+    pub fn best() -> Level {
+        Level::available().pop().unwrap_or(Level::Portable)
     }
 }
 
@@ -169,8 +111,16 @@ impl Lanes for Portable {
         Eight(self.0)
     }
     #[inline(always)]
+    fn add(self, o: Self) -> Self {
+        self.zip(o, |a, b| a + b)
+    }
+    #[inline(always)]
     fn sub(self, o: Self) -> Self {
         self.zip(o, |a, b| a - b)
+    }
+    #[inline(always)]
+    fn div(self, o: Self) -> Self {
+        self.zip(o, |a, b| a / b)
     }
     #[inline(always)]
     fn mul(self, o: Self) -> Self {
@@ -222,8 +172,16 @@ mod avx2 {
             out
         }
         #[inline(always)]
+        fn add(self, o: Self) -> Self {
+            Avx2(unsafe { _mm256_add_ps(self.0, o.0) })
+        }
+        #[inline(always)]
         fn sub(self, o: Self) -> Self {
             Avx2(unsafe { _mm256_sub_ps(self.0, o.0) })
+        }
+        #[inline(always)]
+        fn div(self, o: Self) -> Self {
+            Avx2(unsafe { _mm256_div_ps(self.0, o.0) })
         }
         #[inline(always)]
         fn mul(self, o: Self) -> Self {
@@ -241,25 +199,5 @@ mod avx2 {
         fn le(self, o: Self) -> u32 {
             unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, o.0)) as u32 }
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_stack_spills_what_does_not_fit() {
-        let mut stack = Stack::new();
-        let words = 5 * STACK as u64;
-        for first in (0..words).step_by(LANES - 1) {
-            let base = stack.reserve();
-            (first..first + LANES as u64 - 1).for_each(|w| stack.insert(base, w));
-        }
-        // Of each seven the least lies on top.
-        let mut popped: Vec<u64> = std::iter::from_fn(|| stack.pop()).collect();
-        assert!(popped.chunks(LANES - 1).all(|c| c.is_sorted()));
-        popped.sort_unstable();
-        assert!(popped.iter().copied().eq(0..popped.len() as u64));
     }
 }
