@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use std::{
     fs::File,
     io::{self, BufWriter, Read, Write},
-    path::Path,
+    path::{Path, PathBuf},
 };
 
 /// Bytes of the largest file that is read: what a GLB can hold.
@@ -49,18 +49,41 @@ pub fn probe(path: &Path) -> Result<()> {
     temporary(path).map(drop).map_err(|e| Error::writing(path, e))
 }
 
+/// The folder of `path`; `.` for a bare name.
+pub fn folder(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// The file's place, whatever links and dots lead to it and whether it exists yet or not; its folder must exist.
+pub fn place(path: &Path) -> Result<PathBuf> {
+    if let Ok(place) = path.canonicalize() {
+        return Ok(place);
+    }
+    let folder = folder(path);
+    let within =
+        |e: io::Error| io::Error::new(e.kind(), format!("the folder {} cannot be used: {e}", folder.display()));
+    let place = folder.canonicalize().map_err(|e| Error::writing(path, within(e)))?;
+    Ok(place.join(path.file_name().unwrap_or_default()))
+}
+
+/// True if the name ends in one of these, in any case.
+pub fn has_extension(path: &Path, extensions: &[&str]) -> bool {
+    let own = path.extension().and_then(|e| e.to_str());
+    own.is_some_and(|e| extensions.iter().any(|x| e.eq_ignore_ascii_case(x)))
+}
+
 /// A file without a name, in the folder of `path` to be.
 pub(crate) fn temporary(path: &Path) -> io::Result<tempfile::NamedTempFile> {
-    let folder = match path.parent() {
-        Some(p) if !p.as_os_str().is_empty() => p,
-        _ => Path::new("."),
-    };
     let mut builder = tempfile::Builder::new();
     builder.prefix(".luxel-");
     // A temporary file is private by default; this one becomes an ordinary file, subject to the umask.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.tempfile_in(folder)
+    builder.tempfile_in(folder(path)).map_err(|e| {
+        // The reason names the temporary file, which means nothing to anybody.
+        let reason = e.to_string();
+        io::Error::new(e.kind(), reason.split(" at path ").next().unwrap_or_default())
+    })
 }
 
 #[cfg(test)]

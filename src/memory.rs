@@ -1,11 +1,17 @@
 //! How much memory the machine has left, and how much this process has used at most.
 
+use crate::error::{Error, Result};
 use sysinfo::{MemoryRefreshKind, Process, ProcessRefreshKind, ProcessesToUpdate, System};
 
 const MB: u64 = 1 << 20;
 
-/// Memory (MB) that can be had without swapping, within the limits of the container this process runs in. Huge where
-/// the system does not tell.
+/// Refuses what needs more than there is; `remedy`: what to change.
+pub fn fits(need_mb: u64, free_mb: u64, remedy: &str) -> Result<()> {
+    if need_mb > free_mb { Err(Error::Memory { need_mb, free_mb, remedy: remedy.into() }) } else { Ok(()) }
+}
+
+/// Memory (MB) that can be had without swapping, within the limits of this process and of the container it runs in. Huge
+/// where the system does not tell.
 pub fn free_mb() -> u64 {
     let free = |mut system: System| {
         system.refresh_memory_specifics(MemoryRefreshKind::nothing().with_ram());
@@ -13,7 +19,7 @@ pub fn free_mb() -> u64 {
         let left = |limit: sysinfo::CGroupLimits| limit.total_memory.saturating_sub(limit.rss);
         let own = with_own_process(&mut system, |p| p.cgroup_limits()).flatten();
         let limits = [system.cgroup_limits(), own].into_iter().flatten().map(left);
-        limits.fold(system.available_memory(), u64::min)
+        limits.chain(address_space()).fold(system.available_memory(), u64::min)
     };
     System::new().map_or(u64::MAX, free) / MB
 }
@@ -24,8 +30,21 @@ pub fn peak_mb() -> u64 {
 }
 
 fn high_water_mark() -> Option<u64> {
+    status("VmHWM:")
+}
+
+/// Bytes of addresses that this process may still take, if they are limited (`ulimit -v`).
+fn address_space() -> Option<u64> {
+    let limits = std::fs::read_to_string("/proc/self/limits").ok()?;
+    let line = limits.lines().find_map(|l| l.strip_prefix("Max address space"))?;
+    let limit = line.split_whitespace().next()?.parse::<u64>().ok()?;
+    Some(limit.saturating_sub(status("VmSize:")?))
+}
+
+/// Bytes that Linux counts under `key` for this process.
+fn status(key: &str) -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
+    let line = status.lines().find_map(|l| l.strip_prefix(key))?;
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kb| kb * 1024)
 }
 

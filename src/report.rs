@@ -69,7 +69,7 @@ pub struct SceneCounts {
     pub materials: usize,
     /// Punctual lights.
     pub lights: usize,
-    /// Triangles that emit, after instancing.
+    /// Triangles with area whose material emits, after instancing.
     pub emitting_triangles: usize,
 }
 
@@ -112,7 +112,7 @@ pub struct RayReport {
     pub per_second: f64,
     /// Rays that left the scene.
     pub escaped: u64,
-    /// Rays that met the back of a single-sided surface.
+    /// Rays that met the back of a single-sided surface, or a surface without texels: unlit, or too thin for them.
     pub blocked: u64,
     /// Rays that hit a surface, but no covered texel.
     pub lost: u64,

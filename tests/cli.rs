@@ -156,6 +156,14 @@ fn a_missing_output_folder_is_found_out_before_baking() {
     assert_eq!(folder.files(), ["room.gltf"]);
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn a_folder_that_takes_no_files_is_told_by_the_name_that_was_typed() {
+    let said = Folder::new().luxel("bake room.gltf -o /proc/a.glb");
+    assert_eq!(said.code, 1, "{}", said.err);
+    assert!(said.err.starts_with("error: /proc/a.glb: ") && !said.err.contains(".luxel-"), "{}", said.err);
+}
+
 #[test]
 fn closed_pipes_are_nobodys_mistake() {
     let folder = Folder::new();

@@ -346,3 +346,108 @@ fn a_scene_that_is_all_unlit_is_told_so() {
     let said = folder.luxel(&format!("bake odd.gltf {QUICK}"));
     assert!(said.err.contains("nothing is lit"), "{}", said.err);
 }
+
+/// The room with `n` pictures of `edge` pixels squared, each read by a node's material.
+fn pictured(folder: &Folder, n: usize, edge: u32) {
+    let picture = luxel::pixels::encode_png(glam::UVec2::splat(edge), &vec![[90; 3]; (edge * edge) as usize]).unwrap();
+    std::fs::write(folder.path("a.png"), &picture).unwrap();
+    odd(folder, |json| {
+        let uv = accessor(json, &floats(&[0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.0]), 5126, 4, "VEC2");
+        for i in 0..n {
+            let add = |list: &mut Value, part: Value| match list.as_array_mut() {
+                Some(list) => list.push(part),
+                None => *list = json!([part]),
+            };
+            add(&mut json["images"], json!({ "uri": "a.png" }));
+            add(&mut json["textures"], json!({ "source": i }));
+            let pbr = json!({ "baseColorTexture": { "index": i }, "metallicFactor": 0 });
+            add(&mut json["materials"], json!({ "pbrMetallicRoughness": pbr }));
+            let mut primitive = json["meshes"][0]["primitives"][0].clone();
+            primitive["attributes"]["TEXCOORD_0"] = uv.into();
+            primitive["material"] = (i + 2).into();
+            add(&mut json["meshes"], json!({ "primitives": [primitive] }));
+            add(&mut json["nodes"], json!({ "mesh": i + 2, "translation": [0, i + 3, 0] }));
+            add(&mut json["scenes"][0]["nodes"], json!(i + 3));
+        }
+    });
+}
+
+/// Runs `luxel` with at most `kilobytes` of address space.
+#[cfg(unix)]
+fn confined(folder: &Folder, kilobytes: u32, arguments: &str) -> (Option<i32>, String) {
+    let luxel = env!("CARGO_BIN_EXE_luxel");
+    let mut shell = std::process::Command::new("sh");
+    shell.args(["-c", &format!("ulimit -v {kilobytes}; exec '{luxel}' {arguments}")]).current_dir(folder.path("."));
+    ends(shell)
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn pictures_that_do_not_fit_into_memory_are_refused_with_a_remedy() {
+    let folder = Folder::new();
+    pictured(&folder, 20, 4096);
+    let (code, said) = confined(&folder, 1_500_000, &format!("bake odd.gltf {QUICK} --threads 1"));
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("MB free") && said.contains("gltf-transform/cli resize"), "{said}");
+    assert_eq!(folder.files(), ["a.png", "odd.gltf", "room.gltf"]);
+}
+
+#[test]
+fn the_announcement_counts_pictures() {
+    let folder = Folder::new();
+    pictured(&folder, 2, 1024);
+    let said = folder.luxel(&format!("bake odd.gltf {QUICK}"));
+    assert!(said.code == 0 && said.err.contains(", beside 10 MB of textures\n"), "{}", said.err);
+}
+
+#[test]
+fn densities_beyond_memory_are_refused_before_packing() {
+    let folder = Folder::new();
+    let began = std::time::Instant::now();
+    let said = folder.luxel("bake room.gltf --texels-per-meter 20000 --page-size 32768 --rays 1");
+    assert!([1, 2].contains(&said.code), "{}", said.err);
+    assert!(said.err.contains("lower --resolution or --texels-per-meter"), "{}", said.err);
+    assert!(began.elapsed().as_secs() < 3, "{:?}", began.elapsed());
+}
+
+#[test]
+fn a_thousand_threads_do_no_harm() {
+    let folder = Folder::new();
+    let began = std::time::Instant::now();
+    let said = folder.luxel(&format!("bake room.gltf {QUICK} --threads 1000"));
+    assert_eq!(said.code, 0, "{}", said.err);
+    assert!(began.elapsed().as_secs() < 4, "{:?}", began.elapsed());
+}
+
+#[test]
+fn emitting_triangles_are_counted_whoever_carries_their_light() {
+    let folder = Folder::new();
+    // A scene that shines everywhere: rays bring the light, nothing of it is sampled.
+    odd(&folder, |json| json["materials"][0]["emissiveFactor"] = json!([1, 1, 1]));
+    let said = folder.luxel(&format!("bake odd.gltf {QUICK} --report - --quiet"));
+    let report: Value = serde_json::from_str(&said.out).unwrap();
+    assert_eq!(report["scene"]["emitting_triangles"], 4);
+}
+
+#[test]
+fn the_preview_shows_unlit_surfaces_in_their_own_colour() {
+    let folder = Folder::new();
+    odd(&folder, |json| {
+        json["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = json!([1, 0, 0, 1]);
+        json["materials"][0]["extensions"] = json!({ "KHR_materials_unlit": {} });
+    });
+    let said = folder.luxel(&format!("bake odd.gltf {QUICK} --preview a.png"));
+    assert_eq!(said.code, 0, "{}", said.err);
+    let picture = luxel::pixels::decode(&std::fs::read(folder.path("a.png")).unwrap()).unwrap();
+    let red = picture.rgba.iter().filter(|c| **c == [255, 0, 0, 255]).count();
+    assert!(red > 10_000, "{red} pixels");
+}
+
+#[test]
+fn an_empty_uri_is_named() {
+    let folder = Folder::new();
+    odd(&folder, |json| json["images"] = json!([{ "uri": "" }]));
+    let said = folder.luxel(&format!("bake odd.gltf -o a.glb {QUICK}"));
+    assert_eq!(said.code, 0, "{}", said.err);
+    assert!(said.err.contains("warning: /images/0: its uri is empty"), "{}", said.err);
+}

@@ -4,10 +4,11 @@
 mod fixtures;
 
 use fixtures::{Builder, Plan, atlas, bake, keep, lightmaps, load, numbers, scene};
-use glam::{UVec2, Vec3};
+use glam::{UVec2, Vec2, Vec3};
 use luxel::gltf::{Document, WriteOptions, write, write_flat};
 use luxel::pixels::exr;
 use luxel::report::Report;
+use luxel::scene::{Bake, Material, Texture, TextureRef, Wrap};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -94,8 +95,7 @@ fn everything_else_survives() {
 fn pages_and_nodes_are_bound_and_mirrored() {
     let folder = tempfile::tempdir().unwrap();
     let source = rich().document(&folder.path().join("in.glb"));
-    let options = WriteOptions { baked_lights: vec![1], ..options() };
-    let (baked, _) = bake(&source, Plan::Whole, &options, &folder.path().join("out.glb"));
+    let (baked, _) = bake(&source, Plan::Whole, &options(), &folder.path().join("out.glb"));
     let root = &baked.json["extensions"]["LUXEL_lightmap"];
     assert_eq!(root["bakedLights"], json!([1]));
     assert_eq!(root["pages"].as_array().unwrap().len(), 2);
@@ -472,12 +472,21 @@ fn baked_lights_can_be_taken_out() {
     b.push("nodes", json!({ "extensions": { "KHR_lights_punctual": { "light": 0 } } }));
     b.json["scenes"][0]["nodes"] = json!([0, 1, 2]);
     let source = b.document(&folder.path().join("in.glb"));
-    let strip = |baked_lights| WriteOptions { strip_lights: true, baked_lights, ..options() };
-    let (some, _) = bake(&source, Plan::Whole, &strip(vec![2]), &folder.path().join("some.glb"));
+    let strip = |bakes: [Bake; 2], name: &str| {
+        let mut scene = scene(&source);
+        scene.lights.iter_mut().zip(bakes).for_each(|(light, bake)| light.bake = bake);
+        let (atlas, out) = (atlas(&scene, Plan::Whole), folder.path().join(name));
+        let (maps, options) = (lightmaps(&atlas, 1.0), WriteOptions { strip_lights: true, ..options() });
+        write(&source, &scene, &atlas, &maps, &Report::default(), &options, &out).unwrap();
+        keep(&out);
+        load(&out)
+    };
+    let some = strip([Bake::Indirect, Bake::Full], "some.glb");
+    assert_eq!(some.json["extensions"]["LUXEL_lightmap"]["bakedLights"], json!([2]));
     assert!(some.json["extensions"]["KHR_lights_punctual"].is_object());
     assert!(some.json["nodes"][2]["extensions"].is_null());
     assert!(some.json["nodes"][1]["extensions"]["KHR_lights_punctual"].is_object());
-    let (none, _) = bake(&source, Plan::Whole, &strip(vec![1, 2, 99]), &folder.path().join("none.glb"));
+    let none = strip([Bake::Full; 2], "none.glb");
     assert!(!none.json.to_string().contains("KHR_lights_punctual"));
 }
 
@@ -691,4 +700,112 @@ fn real_scenes() {
             bake(&source, plan, &options(), &gltf);
         }
     }
+}
+
+/// Every mesh has a material of its own, which reads the set that moves.
+#[test]
+fn many_materials_are_repointed_in_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut b = Builder::new();
+    let texture = b.texture();
+    let square = b.square(2);
+    for _ in 0..5000 {
+        let slot = json!({ "index": texture, "texCoord": 1 });
+        let mut own = square.clone();
+        own["material"] = b.push("materials", json!({ "pbrMetallicRoughness": { "baseColorTexture": slot } })).into();
+        b.shown(json!([own]));
+    }
+    let source = b.document(&folder.path().join("in.glb"));
+    let began = std::time::Instant::now();
+    let (baked, notes) = bake(&source, Plan::Whole, &options(), &folder.path().join("out.glb"));
+    assert_eq!(notes.len(), 5000);
+    assert_eq!(baked.json["materials"][4999]["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"], 2);
+    assert!(began.elapsed().as_secs() < 6, "{:?}", began.elapsed());
+}
+
+/// A primitive whose data is there twice, plain and compressed by Draco.
+#[test]
+fn compressed_twins_of_changed_vertices_are_dropped() {
+    const DRACO: &str = "KHR_draco_mesh_compression";
+    let folder = tempfile::tempdir().unwrap();
+    let mut b = rich();
+    let twin = b.view(b"compressed twin", json!({}));
+    let mut other = b.square(1);
+    let draco = json!({ "bufferView": twin, "attributes": { "POSITION": 0, "NORMAL": 1 } });
+    for primitive in [&mut b.json["meshes"][0]["primitives"][0], &mut other] {
+        primitive["extensions"] = json!({ DRACO: draco, "ACME_odd": {} });
+    }
+    b.json["extensionsUsed"].as_array_mut().unwrap().push(DRACO.into());
+    b.json["extensionsRequired"] = json!([DRACO]);
+    for plan in [Plan::Whole, Plan::Triangles] {
+        let source = Builder { json: b.json.clone(), buffer: b.buffer.clone() }.document(&folder.path().join("in.glb"));
+        let (baked, notes) = bake(&source, plan, &options(), &folder.path().join("out.glb"));
+        assert!(notes.iter().all(|n| !n.contains(DRACO)), "{notes:?}");
+        assert_eq!(baked.json["meshes"][0]["primitives"][0]["extensions"], json!({ "ACME_odd": {} }));
+        assert!(!baked.json.to_string().contains(DRACO));
+        assert!(!baked.buffers[0].windows(15).any(|w| w == b"compressed twin"));
+    }
+    // A primitive that is not laid out keeps its twin.
+    b.push("meshes", json!({ "primitives": [other] }));
+    let source = b.document(&folder.path().join("in.glb"));
+    let scene = scene(&source);
+    let mut atlas = atlas(&scene, Plan::Whole);
+    atlas.layouts[1] = Default::default();
+    let (out, maps) = (folder.path().join("out.glb"), lightmaps(&atlas, 1.0));
+    write(&source, &scene, &atlas, &maps, &Report::default(), &options(), &out).unwrap();
+    let baked = load(&out);
+    assert!(baked.json["meshes"][0]["primitives"][0]["extensions"][DRACO].is_null());
+    assert_eq!(baked.json["meshes"][1]["primitives"][0]["extensions"][DRACO]["bufferView"], twin);
+    assert_eq!(baked.json["extensionsRequired"], json!([DRACO]));
+}
+
+#[test]
+fn the_flat_file_shows_unlit_surfaces_in_their_own_colour() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut b = Builder::new();
+    let (lit, unlit) = (b.square(1), b.square(1));
+    b.shown(json!([lit, unlit]));
+    b.shown(json!([unlit]));
+    let source = b.document(&folder.path().join("in.glb"));
+    let mut scene = scene(&source);
+    let picture =
+        Texture::new(UVec2::new(2, 1), vec![[255, 0, 0, 255], [0, 0, 255, 128]], true, [Wrap::Repeat; 2], true);
+    scene.textures.push(picture);
+    let base_texture = Some(TextureRef { texture: 0, set: 0, transform: glam::Affine2::from_scale(Vec2::splat(2.0)) });
+    let base_color = glam::Vec4::new(1.0, 0.5, 0.25, 1.0);
+    scene.materials.push(Material { base_color, base_texture, unlit: true, ..Material::default() });
+    scene.meshes[0].primitives[1].material = 1;
+    scene.meshes[1].primitives[0].material = 1;
+    for mesh in &mut scene.meshes {
+        mesh.uvs = vec![(0..mesh.positions.len()).map(|v| Vec2::splat(v as f32)).collect()];
+    }
+    let mut atlas = atlas(&scene, Plan::Whole);
+    atlas.placements[1] = None;
+    atlas.layouts[1] = Default::default();
+    let pages = vec![(UVec2::new(8, 4), vec![Vec3::ONE; 32]); 2];
+    let out = folder.path().join("flat.glb");
+    write_flat(&source, &scene, &atlas, &pages, 1.0, &out).unwrap();
+    keep(&out);
+    let flat = load(&out);
+    assert_eq!(flat.json["nodes"].as_array().unwrap().len(), 2);
+    let drawn = [&flat.json["meshes"][0]["primitives"][1], &flat.json["meshes"][1]["primitives"][0]];
+    assert_eq!(flat.json["meshes"][0]["primitives"][0]["material"], 0);
+    for primitive in drawn {
+        let material = &flat.json["materials"][primitive["material"].as_u64().unwrap() as usize];
+        assert!(material["extensions"]["KHR_materials_unlit"].is_object());
+        let pbr = &material["pbrMetallicRoughness"];
+        assert_eq!(pbr["baseColorFactor"], json!([1.0, 0.5, 0.25, 1.0]));
+        let texture = &flat.json["textures"][pbr["baseColorTexture"]["index"].as_u64().unwrap() as usize];
+        let image = &flat.json["images"][texture["source"].as_u64().unwrap() as usize];
+        let view = &flat.json["bufferViews"][image["bufferView"].as_u64().unwrap() as usize];
+        let start = view["byteOffset"].as_u64().unwrap() as usize;
+        let bytes = &flat.buffers[0][start..start + view["byteLength"].as_u64().unwrap() as usize];
+        assert_eq!(luxel::pixels::decode(bytes).unwrap().rgba[0], [255, 0, 0, 255]);
+        // The texture's transform is in the coordinates.
+        let uv = numbers(&flat, &primitive["attributes"]["TEXCOORD_0"]);
+        assert_eq!(uv[2] - uv[0], 2.0);
+        assert_eq!(numbers(&flat, &primitive["indices"]).len(), 6);
+    }
+    let materials = flat.json["materials"].as_array().unwrap();
+    assert_eq!(materials.len(), 2 * pages.len() + 1, "each material once");
 }

@@ -1,12 +1,14 @@
 //! The author's own layout: TEXCOORD_1 as it is.
 //!
 //! Where the coordinates of all nodes are disjoint and each mesh is used once, they are one page's layout; otherwise
-//! each instance has a rectangle that holds its mesh's unit square. Refuses what cannot be a lightmap, by mesh.
+//! each instance has a rectangle that holds its mesh's unit square. Refuses what cannot be a lightmap, by mesh. Meshes
+//! that are only reflected, never shown, are laid out by the default unwrapper.
 
 use super::{
-    Atlas, Density, Layout, NO_CHART, Options, Page,
+    Atlas, Density, Layout, NO_CHART, Options, Page, lay,
     overlap::{self, Among, Piece},
     place::{self, Demand, HIDDEN_DENSITY, Instances, Role},
+    uvunwrap,
 };
 use crate::{
     error::{Error, Result},
@@ -38,13 +40,14 @@ pub(super) fn unwrap(
     for (i, instance) in scene.instances.iter().enumerate().filter(|(i, _)| roles[*i] != Role::Unlit) {
         users[instance.mesh as usize].push(i);
     }
+    let shown: Vec<bool> = users.iter().map(|u| u.iter().any(|&i| roles[i] == Role::Mapped)).collect();
     let kept: Vec<Kept> = scene
         .meshes
         .par_iter()
-        .zip(&users)
-        .map(|(mesh, users)| {
+        .zip(&shown)
+        .map(|(mesh, shown)| {
             progress::check(observer)?;
-            if users.is_empty() { Ok(Kept::default()) } else { keep(scene, mesh, file) }
+            if *shown { keep(scene, mesh, file) } else { Ok(Kept::default()) }
         })
         .collect::<Result<_>>()?;
     warnings.extend(kept.iter().flat_map(|k| k.warnings.iter().cloned()));
@@ -77,9 +80,17 @@ pub(super) fn unwrap(
         let demands: Vec<Demand> = mapped.iter().map(|&i| demand(Role::Mapped, i)).collect();
         atlas.place(scene, &demands, options, warnings)
     };
-    let hidden: Vec<Demand> = of(Role::Hidden).map(|i| demand(Role::Hidden, i)).collect();
+    let has_layout = |i: &usize| shown[scene.instances[*i].mesh as usize];
+    let hidden: Vec<Demand> = of(Role::Hidden).filter(has_layout).map(|i| demand(Role::Hidden, i)).collect();
     atlas.append(&hidden, place::spread(&hidden, density * HIDDEN_DENSITY, options.page_size, true));
     atlas.layouts = kept.into_iter().map(|k| k.layout).collect();
+    // What only reflects is nobody's to look at: it needs no coordinates of its author's.
+    let mut rest = Instances { roles: vec![Role::Unlit; roles.len()], areas: areas.clone() };
+    of(Role::Hidden).filter(|i| !has_layout(i)).for_each(|i| rest.roles[i] = Role::Hidden);
+    if rest.roles.contains(&Role::Hidden) {
+        let options = Options { density: Density::TexelsPerMeter(density), ..*options };
+        atlas.join(lay::unwrap(scene, &rest, &options, uvunwrap::cut, file, observer, warnings)?);
+    }
     Ok(atlas)
 }
 

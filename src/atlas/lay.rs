@@ -4,7 +4,7 @@
 //! on several pages, have one rectangle an instance, so that a node lies on one page.
 
 use super::{
-    Atlas, Density, LARGEST_PAGE, Layout, Options, PADDING, Page, Placement,
+    Atlas, Density, Layout, Options, PADDING, PAGE_EDGES, Page, Placement,
     place::{self, Demand, HIDDEN_DENSITY, Instances, Role},
     shape::{self, Cut, Shape},
     uvunwrap::{self, Failure, Item, Packed, Rectangle, Size},
@@ -65,7 +65,7 @@ pub(super) fn unwrap(
     };
     let units = vec![Unit::default(); users.len()];
     let (users, shapes, cuts) = (&users[..], &shapes[..], &cuts[..]);
-    let mut room = Room { scene, instances, options, users, shapes, cuts, observer, warnings, atlas, units };
+    let mut room = Room { scene, instances, options, users, shapes, cuts, file, observer, warnings, atlas, units };
     let density = match options.density {
         Density::Resolution(edge) => room.one_page(edge)?,
         Density::TexelsPerMeter(t) => room.pages(t)?,
@@ -92,6 +92,7 @@ struct Room<'a> {
     users: &'a [Users],
     shapes: &'a [Shape],
     cuts: &'a [Cut],
+    file: &'a Path,
     observer: &'a dyn Observer,
     warnings: &'a mut Vec<String>,
     atlas: Atlas,
@@ -135,13 +136,13 @@ impl Room<'_> {
                 Err(Failure::TooLarge(n)) if edge < self.options.page_size => {
                     edge = doubled(edge, n).min(self.options.page_size);
                 }
-                Err(failure) => return Err(failure.error(|| self.no_page_holds(edge))),
+                Err(failure) => return Err(self.error(failure, edge)),
                 Ok(filled) => break filled,
             }
         };
         if edge > wish {
-            let crowded = self.crowded(wish);
-            self.warnings.push(format!("{crowded}: the page has {edge} x {edge} (raise --resolution)"));
+            let (node, problem) = self.crowded(wish);
+            self.warnings.push(format!("{node}: {problem}: the page has {edge} x {edge} (raise --resolution)"));
         }
         let density = packed.density;
         if general.is_some_and(|d| density < d * 0.9) {
@@ -207,7 +208,7 @@ impl Room<'_> {
         let (size, general) = (Size::Density(density), Some(density));
         if mapped.iter().map(|&i| texels(i)).sum::<f64>() <= most * most {
             let packed = self.pack(&Trial { size, general, lower: &lower, direct: true });
-            let packed = packed.map_err(|failure| failure.error(|| self.no_page_holds(edge)))?;
+            let packed = packed.map_err(|failure| self.error(failure, edge))?;
             if packed.size.max_element() <= edge {
                 let page = rounded(packed.size, edge);
                 self.take(packed, page);
@@ -226,7 +227,7 @@ impl Room<'_> {
             trial = Trial { size, general, lower: &lower, direct: false };
             packed = self.pack(&trial);
         }
-        let packed = packed.map_err(|failure| failure.error(|| self.no_page_holds(edge)))?;
+        let packed = packed.map_err(|failure| self.error(failure, edge))?;
         let demands: Vec<Demand> = self
             .with_mapped()
             .into_iter()
@@ -252,7 +253,7 @@ impl Room<'_> {
             let longest =
                 match uvunwrap::pack(&[self.item(j, 1.0, within(&factors, LARGEST_RATIO))], size, self.observer) {
                     Err(Failure::TooLarge(n)) => f64::from(n),
-                    Err(Failure::Other(e)) => return Err(e),
+                    Err(failure) => return Err(self.error(failure, self.options.page_size)),
                     Ok(_) => return Ok(()),
                 };
             let largest = factors.iter().copied().fold(0.0, f64::max);
@@ -266,22 +267,25 @@ impl Room<'_> {
         }
     }
 
-    /// Says which node's charts do not fit on a page of edge `edge`, however coarse they are.
-    fn crowded(&self, edge: u32) -> String {
-        let users = self.with_mapped();
-        let most = users.into_iter().max_by_key(|&j| (self.cuts[j].charts, std::cmp::Reverse(j)));
-        let Some(j) = most else { return String::new() };
+    /// Which node's charts do not fit on a page of edge `edge`, however coarse they are, and how many they are.
+    fn crowded(&self, edge: u32) -> (String, String) {
+        let most = self.with_mapped().into_iter().max_by_key(|&j| (self.cuts[j].charts, std::cmp::Reverse(j)));
+        let Some(j) = most else { return ("geometry".into(), "its charts do not fit on a page".into()) };
         let (name, charts) = (&self.scene.instances[self.users[j].mapped[0]].name, self.cuts[j].charts);
-        format!("{name}: its {charts} charts and their padding do not fit on a page of {edge} x {edge}")
+        (name.clone(), format!("its {charts} charts and their padding do not fit on a page of {edge} x {edge}"))
     }
 
-    /// The error for a node that no page of edge `edge` holds.
-    fn no_page_holds(&self, edge: u32) -> Error {
-        let remedy = match edge {
-            LARGEST_PAGE.. => "split its mesh into several nodes",
-            _ => "raise --page-size, or split its mesh into several nodes",
-        };
-        Error::Usage(format!("{}\n  {remedy}", self.crowded(edge)))
+    /// The error to report for `failure` on pages of edge `edge`.
+    fn error(&self, failure: Failure, edge: u32) -> Error {
+        match failure {
+            Failure::TooLarge(_) => {
+                let more = if edge < *PAGE_EDGES.end() { "raise --page-size, or " } else { "" };
+                let (node, problem) = self.crowded(edge);
+                Error::invalid(self.file, node, problem, format!("{more}split its mesh into several nodes"))
+            }
+            Failure::Charts(problem) => Error::invalid(self.file, "geometry", problem, uvunwrap::REMEDY),
+            Failure::Other(e) => e,
+        }
     }
 
     /// Coarse rectangles of the hidden instances; layouts for the meshes that only they use.
@@ -291,10 +295,7 @@ impl Room<'_> {
             .collect();
         let items: Vec<Item> = alone.iter().map(|&j| self.item(j, 1.0, self.hidden_scales(j))).collect();
         let size = Size::Density(density);
-        let pack = || {
-            uvunwrap::pack(&items, size, self.observer)
-                .map_err(|f| f.error(|| self.no_page_holds(self.options.page_size)))
-        };
+        let pack = || uvunwrap::pack(&items, size, self.observer).map_err(|f| self.error(f, self.options.page_size));
         let packed = if items.is_empty() { None } else { Some(pack()?) };
         for (&j, mesh) in alone.iter().zip(packed.iter().flat_map(|p| &p.meshes)) {
             self.set_layout(j, mesh, DVec2::ONE);

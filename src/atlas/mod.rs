@@ -23,7 +23,7 @@ use crate::{
 };
 use glam::{UVec2, Vec2};
 use place::{Demand, Packed};
-use std::path::Path;
+use std::{ops::RangeInclusive, path::Path};
 
 /// Layouts of all meshes and rectangles of all instances.
 #[derive(Clone, Debug, Default)]
@@ -90,6 +90,20 @@ pub enum Unwrap {
     Xatlas,
 }
 
+impl Unwrap {
+    /// Everything there is to choose from.
+    pub const ALL: [Unwrap; 3] = [Unwrap::Keep, Unwrap::Uvunwrap, Unwrap::Xatlas];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Unwrap::Keep => "keep-uv",
+            Unwrap::Uvunwrap => "uvunwrap",
+            Unwrap::Xatlas => "xatlas",
+        }
+    }
+}
+
 /// How large texels are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Density {
@@ -119,10 +133,8 @@ impl Default for Options {
     }
 }
 
-/// Smallest page that is made.
-const LEAST_PAGE: u32 = 16;
-/// Largest page that is made: 2^30 texels.
-const LARGEST_PAGE: u32 = 32768;
+/// Edges of the smallest and of the largest page that is made: 2^30 texels.
+pub const PAGE_EDGES: RangeInclusive<u32> = 16..=32768;
 
 /// Lays out every mesh and gives every instance its rectangle. `file` is for messages.
 pub fn unwrap(
@@ -137,22 +149,41 @@ pub fn unwrap(
     let instances = place::Instances::of(scene);
     let atlas = match options.unwrap {
         Unwrap::Keep => keep::unwrap(scene, &instances, options, file, observer, warnings)?,
-        Unwrap::Uvunwrap => lay::unwrap(scene, &instances, options, uvunwrap::cut, file, observer, warnings)?,
         #[cfg(feature = "xatlas")]
         Unwrap::Xatlas => lay::unwrap(scene, &instances, options, xatlas::cut, file, observer, warnings)?,
-        #[cfg(not(feature = "xatlas"))]
-        Unwrap::Xatlas => return Err(Error::Usage("built without xatlas; build with --features xatlas".into())),
+        _ => lay::unwrap(scene, &instances, options, uvunwrap::cut, file, observer, warnings)?,
     };
     debug_assert_eq!(atlas.validate(scene), Ok(()));
     Ok(atlas)
 }
 
+/// Texels that the nodes of `scene` will take at least, as far as its density tells before anything is laid out.
+///
+/// A node that a page does not hold is made coarser: until a chart as long as its box's diagonal fits, or until the page
+/// is half full, whatever is less.
+pub fn least_texels(scene: &Scene, options: &Options) -> u64 {
+    let page = options.page_size;
+    match (options.density, options.unwrap) {
+        (Density::Resolution(n), _) => u64::from(n).pow(2),
+        // The author's layout may be one page.
+        (Density::TexelsPerMeter(t), Unwrap::Keep) => {
+            place::least_texels(scene, t, page).min(f64::from(page).powi(2)) as u64
+        }
+        (Density::TexelsPerMeter(t), _) => place::least_texels(scene, t, page) as u64,
+    }
+}
+
 impl Options {
-    /// [`Error::Usage`] for sizes that make no page.
-    fn check(&self) -> Result<()> {
-        let edge = |name: &str, n: u32| match n {
-            LEAST_PAGE..=LARGEST_PAGE => Ok(()),
-            _ => Err(Error::Usage(format!("{name} {n}: a page has {LEAST_PAGE} to {LARGEST_PAGE} texels an edge"))),
+    /// [`Error::Usage`] for sizes that make no page, and for an unwrapper that is not there.
+    pub fn check(&self) -> Result<()> {
+        if self.unwrap == Unwrap::Xatlas && !cfg!(feature = "xatlas") {
+            let remedy = "build it with `cargo install luxel --features xatlas`, or use --unwrap uvunwrap";
+            return Err(Error::Usage(format!("--unwrap xatlas: this luxel was built without xatlas\n  {remedy}")));
+        }
+        let (least, most) = PAGE_EDGES.into_inner();
+        let edge = |name: &str, n: u32| match PAGE_EDGES.contains(&n) {
+            true => Ok(()),
+            false => Err(Error::Usage(format!("{name} {n}: a page has {least} to {most} texels an edge"))),
         };
         match self.density {
             Density::Resolution(n) => edge("--resolution", n),
@@ -179,6 +210,18 @@ impl Atlas {
         let density = packed.density;
         self.append(demands, packed);
         density
+    }
+
+    /// Takes over what another atlas of the same scene holds, its pages after those that are there.
+    fn join(&mut self, other: Atlas) {
+        let first = self.pages.len() as u32;
+        for (own, new) in self.placements.iter_mut().zip(other.placements).filter(|(_, new)| new.is_some()) {
+            *own = new.map(|p| Placement { page: first + p.page, ..p });
+        }
+        for (own, new) in self.layouts.iter_mut().zip(other.layouts).filter(|(_, new)| !new.triangles.is_empty()) {
+            *own = new;
+        }
+        self.pages.extend(other.pages);
     }
 
     /// Takes packed rectangles over, after the pages that are there.

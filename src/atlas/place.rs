@@ -4,7 +4,7 @@
 
 use super::{PADDING, Page, Placement};
 use crate::scene::{Instance, Mesh, Scene};
-use glam::{DVec2, UVec2, Vec2};
+use glam::{DVec2, DVec3, UVec2, Vec2, Vec3};
 use guillotiere::{SimpleAtlasAllocator, size2};
 use rayon::prelude::*;
 
@@ -63,6 +63,27 @@ fn world_area(mesh: &Mesh, instance: &Instance) -> f64 {
     };
     let sum: f64 = mesh.triangles.iter().map(area).sum();
     if sum.is_finite() { sum } else { 0.0 }
+}
+
+/// Texels that the mapped instances take at least at `density`, on pages of edge `page`.
+pub(super) fn least_texels(scene: &Scene, density: f64, page: u32) -> f64 {
+    let Instances { roles, areas } = Instances::of(scene);
+    let bounds = |m: &Mesh| {
+        let end = |f: fn(Vec3, Vec3) -> Vec3| m.positions.iter().copied().reduce(f).unwrap_or_default().as_dvec3();
+        end(Vec3::max) - end(Vec3::min)
+    };
+    let most = f64::from(inner(page));
+    let extents: Vec<DVec3> = scene.meshes.par_iter().map(bounds).collect();
+    let texels = |i: usize| {
+        let instance = &scene.instances[i];
+        let DVec3 { x, y, z } = extents[instance.mesh as usize];
+        let corners = [(x, y), (-x, y), (x, -y), (-x, -y)].map(|(x, y)| DVec3::new(x, y, z));
+        let diagonal = corners.map(|c| (instance.transform.matrix3 * c).length()).into_iter().fold(0.0, f64::max);
+        // A page that is full to the last texel does not exist; half of it is always in use.
+        let density = instance.texels_per_meter.unwrap_or(density).min(0.95 * most / diagonal);
+        (areas[i] * density * density).min(0.5 * most * most)
+    };
+    (0..roles.len()).filter(|&i| roles[i] == Role::Mapped).map(texels).sum()
 }
 
 /// An instance's rectangle before its size in texels is known.

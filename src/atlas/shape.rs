@@ -67,7 +67,7 @@ impl Shape {
     }
 }
 
-/// The power of two that is `x`, or next above.
+/// The first power of two above `x`.
 pub(super) fn power_of_two(x: f64) -> f64 {
     if x.is_finite() { libm::ldexp(1.0, libm::frexp(x).1) } else { 1.0 }
 }

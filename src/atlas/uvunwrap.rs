@@ -78,18 +78,10 @@ pub(super) enum Size {
 pub(super) enum Failure {
     /// A rectangle, padding included, has this longer edge, which no page holds.
     TooLarge(u32),
+    /// The packer cannot take the charts, and says why.
+    Charts(String),
     /// Another reason.
     Other(Error),
-}
-
-impl Failure {
-    /// The error to report; `too_large` is that of a rectangle that no page holds.
-    pub fn error(self, too_large: impl FnOnce() -> Error) -> Error {
-        match self {
-            Failure::TooLarge(_) => too_large(),
-            Failure::Other(e) => e,
-        }
-    }
 }
 
 /// Packed charts.
@@ -191,7 +183,7 @@ fn failure(e: uvunwrap::Error) -> Failure {
             texels as f64 * 1e-9
         )),
         // Charts are those that `cut` made.
-        e => Error::Usage(format!("the charts cannot be packed: {e}\n  {OTHER}")),
+        e => return Failure::Charts(format!("its charts cannot be packed: {e}")),
     })
 }
 
@@ -203,9 +195,9 @@ fn uncut(e: uvunwrap::Error, file: &Path) -> Error {
             let remedy = "merge what lies together, remove needles, or leave nodes out (--exclude)";
             Error::invalid(file, "geometry", "there are too many charts, or triangles too long and thin", remedy)
         }
-        e => Error::invalid(file, "geometry", format!("it cannot be unwrapped: {e}"), OTHER),
+        e => Error::invalid(file, "geometry", format!("it cannot be unwrapped: {e}"), REMEDY),
     }
 }
 
 /// What to do if the unwrapper is at fault.
-const OTHER: &str = "unwrap the meshes in a modelling program and bake with --keep-uv";
+pub(super) const REMEDY: &str = "unwrap the meshes in a modelling program and bake with --keep-uv";

@@ -68,7 +68,7 @@ fn cut_one(shape: &Shape, file: &Path, observer: &dyn Observer) -> Result<Cut> {
     }
     let indices: Vec<u32> = good.iter().flat_map(|&t| triangles[t].iter().copied()).collect();
     let total: f32 = good.iter().map(|&t| size(triangles[t]).0).sum();
-    let made = Handle::new()?.charts(&positions, &indices, total)?;
+    let made = Handle::new(file)?.charts(&positions, &indices, total)?;
 
     // The triangles that were kept back have vertices of their own, all at one uv.
     let mut cut = Cut { charts: made.charts.max(1), ..Cut::default() };
@@ -95,23 +95,27 @@ struct Made {
 }
 
 /// An atlas of xatlas, destroyed with this.
-struct Handle(*mut Atlas);
+struct Handle<'a> {
+    atlas: *mut Atlas,
+    /// For messages.
+    file: &'a Path,
+}
 
-impl Drop for Handle {
+impl Drop for Handle<'_> {
     fn drop(&mut self) {
         // SAFETY: made by Create, used nowhere else, destroyed once.
-        unsafe { destroy(self.0) }
+        unsafe { destroy(self.atlas) }
     }
 }
 
-impl Handle {
-    fn new() -> Result<Handle> {
+impl<'a> Handle<'a> {
+    fn new(file: &'a Path) -> Result<Self> {
         // SAFETY: no preconditions; without a print function xatlas is silent.
         let atlas = unsafe {
             set_print(None, false);
             create()
         };
-        if atlas.is_null() { Err(failed()) } else { Ok(Handle(atlas)) }
+        if atlas.is_null() { Err(failed(file)) } else { Ok(Handle { atlas, file }) }
     }
 
     fn charts(self, positions: &[[f32; 3]], indices: &[u32], area: f32) -> Result<Made> {
@@ -154,20 +158,20 @@ impl Handle {
         // whose indices it checks. Structures have C++'s layout and are passed by value as the C ABI does; callbacks
         // may be null.
         unsafe {
-            if add_mesh(self.0, &mesh) != 0 {
-                return Err(failed());
+            if add_mesh(self.atlas, &mesh) != 0 {
+                return Err(failed(self.file));
             }
-            compute_charts(self.0, charts, None, ptr::null_mut());
-            parameterize_charts(self.0, None, None, ptr::null_mut());
-            pack_charts(self.0, pack, None, ptr::null_mut());
+            compute_charts(self.atlas, charts, None, ptr::null_mut());
+            parameterize_charts(self.atlas, None, None, ptr::null_mut());
+            pack_charts(self.atlas, pack, None, ptr::null_mut());
         }
         // SAFETY: after PackCharts `meshes` holds one entry a mesh added, or none; it lives as long as the atlas.
         let mesh = unsafe {
-            let atlas = &*self.0;
+            let atlas = &*self.atlas;
             if atlas.mesh_count != 1 || atlas.meshes.is_null() { None } else { Some(&*atlas.meshes) }
         };
         let Some(mesh) = mesh.filter(|m| m.index_count as usize == indices.len() && !m.index_array.is_null()) else {
-            return Err(failed());
+            return Err(failed(self.file));
         };
         // SAFETY: the arrays have as many entries as their counts say, and are initialised by PackCharts.
         let (vertices, made) = unsafe {
@@ -178,7 +182,7 @@ impl Handle {
         };
         let sound = |v: &Vertex| (v.xref as usize) < positions.len();
         if !vertices.iter().all(sound) || made.iter().any(|&i| i as usize >= vertices.len()) {
-            return Err(failed());
+            return Err(failed(self.file));
         }
         let finite = |uv: [f32; 2]| if uv[0].is_finite() && uv[1].is_finite() { uv } else { [0.0; 2] };
         Ok(Made {
@@ -189,8 +193,8 @@ impl Handle {
     }
 }
 
-fn failed() -> Error {
-    Error::Usage("xatlas failed on this scene: bake with --unwrap uvunwrap".into())
+fn failed(file: &Path) -> Error {
+    Error::invalid(file, "geometry", "xatlas cannot unwrap it", "bake with --unwrap uvunwrap")
 }
 
 #[repr(C)]

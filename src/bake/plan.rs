@@ -10,7 +10,7 @@ use crate::{
     patches::Patches,
     progress::Observer,
     report::{NodeReport, PageReport, RayReport, ReflectanceReport, Report, SCHEMA, SceneCounts},
-    scene::Scene,
+    scene::{Primitive, Scene, Texture},
     trace::Tracer,
     transport::Transport,
 };
@@ -26,20 +26,14 @@ const REMEDY: &str = "lower --resolution or --texels-per-meter, or --rays";
 
 /// Refuses a scene or an atlas, to be or made, that would not fit before anything large is made of it.
 pub(super) fn refuse(scene: &Scene, options: &atlas::Options, atlas: Option<&Atlas>) -> Result<()> {
-    let pixels = match (atlas, options.density) {
-        (Some(atlas), _) => pixels(atlas),
-        (None, Density::Resolution(edge)) => u64::from(edge).pow(2),
-        (None, Density::TexelsPerMeter(_)) => 0,
-    };
+    let pixels = atlas.map_or_else(|| atlas::least_texels(scene, options), pixels);
+    // Where a density is wished for, pages are cropped to what is covered.
+    let texels = if matches!(options.density, Density::TexelsPerMeter(_)) && atlas.is_none() { pixels } else { 0 };
     if pixels > u64::from(u32::MAX) {
         return Err(Error::Usage(format!("{pixels} texels are more than an atlas can hold\n  {REMEDY}")));
     }
-    let need_mb = (triangles(scene) * BYTES_A_TRIANGLE + pixels * BYTES_A_PIXEL) >> 20;
-    fits(need_mb, memory::free_mb())
-}
-
-fn fits(need_mb: u64, free_mb: u64) -> Result<()> {
-    if need_mb > free_mb { Err(Error::Memory { need_mb, free_mb, remedy: REMEDY.into() }) } else { Ok(()) }
+    let need = triangles(scene) * BYTES_A_TRIANGLE + pixels * BYTES_A_PIXEL + texels * BYTES_A_TEXEL;
+    memory::fits(need >> 20, memory::free_mb(), REMEDY)
 }
 
 fn triangles(scene: &Scene) -> u64 {
@@ -67,8 +61,12 @@ pub(super) fn announce(
     let need_mb = (rows + rest) >> 20;
     let pages = atlas.pages.iter().filter(|p| !p.hidden).count();
     let free_mb = memory::free_mb();
-    observer.plan(&format!("{texels} texels on {pages} page(s), {rays} rays, up to {need_mb} MB of {free_mb} MB free"));
-    fits(need_mb, free_mb)
+    // Textures are there already: what is free is free beside them.
+    let textures: u64 = scene.textures.iter().map(|t| Texture::bytes(t.picture().0)).sum();
+    let beside = if textures > 0 { format!(", beside {} MB of textures", textures >> 20) } else { String::new() };
+    let size = format!("{texels} texels on {pages} page(s), {rays} rays");
+    observer.plan(&format!("{size}, up to {need_mb} MB of {free_mb} MB free{beside}"));
+    memory::fits(need_mb, free_mb, REMEDY)
 }
 
 /// Fills the report from the rooms.
@@ -81,13 +79,13 @@ pub(super) fn describe(
     patches: &Patches,
     transport: &Transport,
     direct: &Direct,
-    sources: &Sources,
+    _: &Sources,
     lightmaps: &Lightmaps,
 ) {
     let scene = tracer.world.scene;
     r.schema = SCHEMA;
     r.generator = concat!("luxel ", env!("CARGO_PKG_VERSION")).into();
-    r.scene = counts(tracer, sources);
+    r.scene = counts(tracer);
     r.texels = coverage.texels.len();
     r.patches = patches.len();
     r.receivers = transport.receivers.len();
@@ -112,8 +110,9 @@ pub(super) fn describe(
     r.buried_texels = lightmaps.buried;
     r.turned_texels = lightmaps.turned;
     r.peak_memory_mb = memory::peak_mb();
-    for (p, page) in atlas.pages.iter().enumerate().filter(|(_, p)| !p.hidden) {
-        let texels = coverage.texels.iter().filter(|t| t.page as usize == p).count();
+    let mut covered = vec![0; atlas.pages.len()];
+    coverage.texels.iter().for_each(|t| covered[t.page as usize] += 1);
+    for (page, texels) in atlas.pages.iter().zip(covered).filter(|(p, _)| !p.hidden) {
         let pixels = f64::from(page.size.x) * f64::from(page.size.y);
         let (width, height) = (page.size.x, page.size.y);
         r.pages.push(PageReport { width, height, texels, utilization: texels as f64 / pixels });
@@ -174,21 +173,25 @@ pub(super) fn warn_of_broken(r: &mut Report, lightmaps: &Lightmaps) {
     }
 }
 
-fn counts(tracer: &Tracer, sources: &Sources) -> SceneCounts {
+fn counts(tracer: &Tracer) -> SceneCounts {
     let (scene, world) = (tracer.world.scene, &tracer.world);
-    let degenerate = |i: usize| {
-        let triangles = world.triangles_of(i).len() as u32;
-        (0..triangles).filter(|&t| world.cross(i, &world.corners(i, t)) == glam::Vec3::ZERO).count()
+    let instances = || 0..scene.instances.len();
+    let is_degenerate = |i: usize, t: u32| world.cross(i, &world.corners(i, t)) == glam::Vec3::ZERO;
+    let degenerate = |i: usize| (0..world.triangles_of(i).len() as u32).filter(|&t| is_degenerate(i, t)).count();
+    let emitting = |i: usize| {
+        let emits = |p: &&Primitive| scene.materials[p.material as usize].emits();
+        let triangles = world.mesh(i).primitives.iter().filter(emits).flat_map(|p| p.triangles.clone());
+        triangles.filter(|&t| !is_degenerate(i, t)).count()
     };
     SceneCounts {
         meshes: scene.meshes.len(),
         instances: scene.instances.len(),
         triangles: scene.meshes.iter().map(|m| m.triangles.len()).sum(),
         instanced_triangles: world.len() as usize,
-        degenerate_triangles: (0..scene.instances.len()).map(degenerate).sum(),
+        degenerate_triangles: instances().map(degenerate).sum(),
         materials: scene.materials.len(),
         lights: scene.lights.len(),
-        emitting_triangles: sources.emitting_triangles(),
+        emitting_triangles: instances().map(emitting).sum(),
     }
 }
 

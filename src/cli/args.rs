@@ -2,10 +2,14 @@
 
 use super::values::{self, CameraWish, SkyWish, SunWish};
 use clap::{
-    ArgGroup, Parser, Subcommand, ValueEnum,
+    ArgGroup, Parser, Subcommand,
     builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser},
 };
-use luxel::radiosity::Solver;
+use luxel::{
+    atlas::{PAGE_EDGES, Unwrap},
+    lightmaps::Content,
+    radiosity::Solver,
+};
 use std::path::PathBuf;
 
 /// Bakes global illumination into glTF scenes: glTF in, the same glTF with HDR lightmaps out.
@@ -67,8 +71,8 @@ pub struct Bake {
     #[arg(long, help_heading = "Size")]
     pub keep_uv: bool,
 
-    /// Who makes the layout [default: uvunwrap]
-    #[arg(long, value_name = "NAME", help_heading = "Size", value_enum)]
+    /// Who makes the layout; xatlas needs the cargo feature of that name [default: uvunwrap]
+    #[arg(long, value_name = "NAME", help_heading = "Size", value_parser = named(unwrappers(), Unwrap::name))]
     pub unwrap: Option<Unwrap>,
 
     /// Leave out nodes whose name matches, with all that is below them (*, ?, [a-z], {a,b}); may be repeated
@@ -87,7 +91,8 @@ pub struct Bake {
           value_parser = RangedU64ValueParser::<u32>::new().range(0..=65536))]
     pub bounces: Option<u32>,
 
-    /// Threads, 1 to 1024; the result does not depend on them [default: one a processor]
+    /// Threads, 1 to 1024, but never more than four a processor; the result does not depend on them [default: one a
+    /// processor]
     #[arg(long, value_name = "N", help_heading = "Effort",
           value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024), allow_negative_numbers = true)]
     pub threads: Option<usize>,
@@ -115,12 +120,13 @@ pub struct Bake {
     pub max_reflectance: f32,
 
     /// What the maps hold: all light, first-hit light of lights and sun, or everything else
-    #[arg(long, value_name = "NAME", help_heading = "Light", value_enum, default_value = "full")]
+    #[arg(long, value_name = "NAME", help_heading = "Light", default_value = Content::default().name(),
+          value_parser = named(Content::ALL, Content::name))]
     pub content: Content,
 
     /// Who solves for the light of all bounces; the result is the same within the error bound
     #[arg(long, value_name = "NAME", help_heading = "Method", default_value = Solver::default().name(),
-          value_parser = solver())]
+          value_parser = named(Solver::ALL, Solver::name))]
     pub solver: Solver,
 
     /// Each texel uses its own rays only, not those of its neighbours
@@ -166,29 +172,24 @@ pub struct Bake {
     pub strict: bool,
 }
 
-/// Who makes the layout.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum Unwrap {
-    Uvunwrap,
-    /// Needs the cargo feature `xatlas`
-    Xatlas,
-}
-
-/// What the maps hold.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum Content {
-    Full,
-    Direct,
-    Indirect,
-}
-
 fn edge() -> RangedU64ValueParser<u32> {
-    RangedU64ValueParser::new().range(16..=32768)
+    let (least, most) = PAGE_EDGES.into_inner();
+    RangedU64ValueParser::new().range(u64::from(least)..=u64::from(most))
 }
 
-fn solver() -> impl TypedValueParser<Value = Solver> {
-    let named = |name: String| Solver::ALL.into_iter().find(|s| s.name() == name);
-    PossibleValuesParser::new(Solver::ALL.map(Solver::name)).try_map(move |name| named(name).ok_or("no such solver"))
+/// One of a closed set, by its name.
+fn named<T: Copy + Send + Sync + 'static>(
+    all: impl IntoIterator<Item = T>,
+    name: fn(T) -> &'static str,
+) -> impl TypedValueParser<Value = T> {
+    let all: Vec<T> = all.into_iter().collect();
+    let parser = PossibleValuesParser::new(all.iter().map(|t| name(*t)));
+    parser.try_map(move |text| all.iter().copied().find(|t| name(*t) == text).ok_or("no such name"))
+}
+
+/// The layouts are made by one of these, or are the author's.
+fn unwrappers() -> impl Iterator<Item = Unwrap> {
+    Unwrap::ALL.into_iter().filter(|u| *u != Unwrap::Keep)
 }
 
 #[cfg(test)]
@@ -213,6 +214,7 @@ mod tests {
         assert_eq!((bake.rays, !bake.no_reuse), (options.transport.rays, options.transport.reuse));
         assert_eq!(bake.max_reflectance, options.max_reflectance);
         assert_eq!((bake.solver, bake.bounces), (options.radiosity.solver, options.radiosity.bounces));
+        assert_eq!(bake.content, options.content);
     }
 
     #[test]
@@ -255,10 +257,25 @@ mod tests {
     }
 
     #[test]
-    fn every_solver_has_a_name() {
+    fn every_member_of_a_set_has_a_name() {
         for solver in Solver::ALL {
             assert_eq!(parse(&["--solver", solver.name()]).unwrap().solver, solver);
         }
+        for content in Content::ALL {
+            assert_eq!(parse(&["--content", content.name()]).unwrap().content, content);
+        }
+        for unwrap in unwrappers() {
+            assert_eq!(parse(&["--unwrap", unwrap.name()]).unwrap().unwrap, Some(unwrap));
+        }
+        assert!(parse(&["--unwrap", Unwrap::Keep.name()]).is_err());
+    }
+
+    #[test]
+    fn the_help_names_the_limits_of_pages() {
+        let (least, most) = PAGE_EDGES.into_inner();
+        let help = Args::command().find_subcommand_mut("bake").unwrap().render_long_help().to_string();
+        let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert_eq!(help.matches(&format!("{least} to {most}")).count(), 2, "{help}");
     }
 
     #[test]

@@ -1,8 +1,7 @@
 //! `luxel bake`: read, bake, write, tell.
 
 use super::{
-    args::{self, Content, Unwrap},
-    camera, console, lights, outputs,
+    args, camera, console, lights, outputs,
     outputs::Outputs,
     pictures,
     progress::Progress,
@@ -13,7 +12,7 @@ use luxel::{
     atlas,
     bake::{self, Baked, Options},
     error::{Error, Result},
-    files, gltf, lightmaps, memory, preview, progress, radiosity,
+    files, gltf, memory, preview, progress, radiosity,
     report::Report,
     scene::{Camera, Scene},
     transport,
@@ -69,16 +68,8 @@ impl Warnings {
 }
 
 fn options(args: &args::Bake) -> Result<Options> {
-    let unwrap = match args.unwrap {
-        _ if args.keep_uv => atlas::Unwrap::Keep,
-        None | Some(Unwrap::Uvunwrap) => atlas::Unwrap::Uvunwrap,
-        Some(Unwrap::Xatlas) if cfg!(feature = "xatlas") => atlas::Unwrap::Xatlas,
-        Some(Unwrap::Xatlas) => {
-            let remedy = "build it with `cargo install luxel --features xatlas`, or use --unwrap uvunwrap";
-            return Err(Error::Usage(format!("--unwrap xatlas: this luxel was built without xatlas\n  {remedy}")));
-        }
-    };
     let defaults = atlas::Options::default();
+    let unwrap = if args.keep_uv { atlas::Unwrap::Keep } else { args.unwrap.unwrap_or_default() };
     let density = match (args.texels_per_meter, args.resolution) {
         (Some(t), _) => atlas::Density::TexelsPerMeter(t),
         (None, Some(n)) => atlas::Density::Resolution(n),
@@ -98,21 +89,19 @@ fn options(args: &args::Bake) -> Result<Options> {
         atlas::Density::Resolution(n) => atlas::Density::Resolution(n.min(page_size)),
         other => other,
     };
-    let content = match args.content {
-        Content::Full => lightmaps::Content::Full,
-        Content::Direct => lightmaps::Content::Direct,
-        Content::Indirect => lightmaps::Content::Indirect,
-    };
     let atlas = atlas::Options { unwrap, density, page_size };
+    atlas.check()?;
     let radiosity = radiosity::Options { solver: args.solver, bounces: args.bounces };
     let transport = transport::Options { rays: args.rays, reuse: !args.no_reuse };
-    let max_reflectance = args.max_reflectance;
+    let (max_reflectance, content) = (args.max_reflectance, args.content);
     Ok(Options { atlas, transport, max_reflectance, radiosity, content, ..Options::default() })
 }
 
 fn start_threads(threads: Option<usize>) -> Result<()> {
     let Some(n) = threads else { return Ok(()) };
-    let started = rayon::ThreadPoolBuilder::new().num_threads(n).build_global();
+    // Hundreds of threads on a few processors spend their time waking one another.
+    let most = 4 * std::thread::available_parallelism().map_or(1, |n| n.get());
+    let started = rayon::ThreadPoolBuilder::new().num_threads(n.min(most)).build_global();
     started.map_err(|e| Error::Usage(format!("--threads {n}: {e}\n  try fewer threads")))
 }
 
@@ -135,12 +124,8 @@ fn write<'a>(
     progress::check(&Progress::new(true))?;
     signals::begin_writing();
     let Baked { atlas, lightmaps, report, .. } = baked;
-    let writing = gltf::WriteOptions {
-        float: args.float,
-        sidecar: args.sidecar,
-        strip_lights: args.strip_lights,
-        baked_lights: lights::baked(scene, lightmaps.content),
-    };
+    let (float, sidecar, strip_lights) = (args.float, args.sidecar, args.strip_lights);
+    let writing = gltf::WriteOptions { float, sidecar, strip_lights };
     let mut said = gltf::write(document, scene, atlas, lightmaps, report, &writing, &outputs.scene)?;
     let mut extras = Vec::new();
     if let Some((file, picture)) = picture {

@@ -4,7 +4,6 @@ use super::values::{SkyWish, SunWish};
 use glam::Vec3;
 use luxel::{
     error::Result,
-    lightmaps::Content,
     pixels::read_hdr,
     scene::{Bake, Light, LightKind, MAX_LIGHT, Material, Scene, Sky, SkyMap},
 };
@@ -26,15 +25,6 @@ pub fn add(scene: &mut Scene, sky: Option<&SkyWish>, sun: Option<&SunWish>) -> R
         warnings.push("nothing is lit: all materials are unlit (KHR_materials_unlit)".into());
     }
     Ok(warnings)
-}
-
-/// Nodes whose direct light is in the map, so that an engine must not draw it again.
-pub fn baked(scene: &Scene, content: Content) -> Vec<u32> {
-    let baked = scene.lights.iter().filter(|l| l.bake == Bake::Full && content != Content::Indirect);
-    let mut nodes: Vec<u32> = baked.filter_map(|l| l.node).collect();
-    nodes.sort_unstable();
-    nodes.dedup();
-    nodes
 }
 
 fn load(wish: &SkyWish, warnings: &mut Vec<String>) -> Result<Sky> {
@@ -163,15 +153,5 @@ mod tests {
         let wish = SunWish { azimuth: 0.0, elevation: 50.0, lux: 1.0, angle: 0.0 };
         assert!(add(&mut scene, None, Some(&wish)).unwrap().is_empty());
         assert!(matches!(scene.sky, Sky::Black) && scene.lights.len() == 1);
-    }
-
-    #[test]
-    fn only_lights_whose_direct_light_is_baked_are_named() {
-        let light = |node, bake| Light { node, bake, ..sun(0.0, 90.0) };
-        let lights = vec![light(Some(7), Bake::Full), light(Some(3), Bake::Indirect), light(Some(2), Bake::Full)];
-        let scene = Scene { lights: [lights, vec![light(None, Bake::Full)]].concat(), ..Scene::default() };
-        assert_eq!(baked(&scene, Content::Full), [2, 7]);
-        assert_eq!(baked(&scene, Content::Direct), [2, 7]);
-        assert!(baked(&scene, Content::Indirect).is_empty());
     }
 }

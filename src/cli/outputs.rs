@@ -1,12 +1,9 @@
 //! Where results go: names that nobody typed, and mistakes found before anything takes long.
 
-use super::{
-    args::Bake,
-    values::{SkyWish, has_extension},
-};
+use super::{args::Bake, values::SkyWish};
 use luxel::{
     error::{Error, Result},
-    files,
+    files::{self, has_extension, place},
     gltf::Document,
 };
 use std::{
@@ -118,20 +115,6 @@ fn beside(input: &Path) -> PathBuf {
     name.push(".");
     name.push(extension);
     input.with_file_name(name)
-}
-
-/// The file's place whatever links and dots lead to it; its folder must exist.
-fn place(path: &Path) -> Result<PathBuf> {
-    if let Ok(place) = path.canonicalize() {
-        return Ok(place);
-    }
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let folder = folder.canonicalize().map_err(|e| Error::writing(path, in_folder(folder, &e)))?;
-    Ok(folder.join(path.file_name().unwrap_or_default()))
-}
-
-fn in_folder(folder: &Path, reason: &io::Error) -> io::Error {
-    io::Error::new(reason.kind(), format!("the folder {} cannot be used: {reason}", folder.display()))
 }
 
 #[cfg(test)]

@@ -1,10 +1,8 @@
 //! Option values: text to numbers and wishes, with messages that say what is expected.
 
 use glam::{DVec3, Vec3};
-use std::{
-    ffi::OsStr,
-    path::{Path, PathBuf},
-};
+use luxel::files::has_extension;
+use std::path::{Path, PathBuf};
 
 /// `--sky`.
 #[derive(Clone, Debug, PartialEq)]
@@ -79,11 +77,6 @@ fn with_extension(path: PathBuf, extension: &str) -> Parsed<PathBuf> {
     } else {
         Err(format!("expected a file name that ends in .{extension}"))
     }
-}
-
-/// True if the name ends in one of these, in any case.
-pub fn has_extension(path: &Path, extensions: &[&str]) -> bool {
-    path.extension().and_then(OsStr::to_str).is_some_and(|e| extensions.iter().any(|x| e.eq_ignore_ascii_case(x)))
 }
 
 /// `R,G,B` or `FILE[,SCALE[,ROTATION]]`; the file's name may hold commas, as it ends in .exr or .hdr.

@@ -60,6 +60,20 @@ pub struct Map {
     pub covered: Vec<bool>,
 }
 
+impl Content {
+    /// Everything there is to choose from.
+    pub const ALL: [Content; 3] = [Content::Full, Content::Direct, Content::Indirect];
+
+    /// The name on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Content::Full => "full",
+            Content::Direct => "direct",
+            Content::Indirect => "indirect",
+        }
+    }
+}
+
 impl Lightmaps {
     /// Lays the patches' irradiance out on the visible pages.
     pub fn new(

@@ -72,7 +72,8 @@ fn seams_of(
         }
     }
     let mut edges: Vec<_> = sides.into_iter().filter(|(_, s)| s.len() == 2).collect();
-    edges.sort_unstable_by_key(|(_, s)| (s[0].triangle, s[1].triangle));
+    // Two triangles may share several edges: only the edge itself tells those apart.
+    edges.sort_unstable_by_key(|(edge, s)| (s[0].triangle, s[1].triangle, *edge));
     for (_, s) in edges {
         let same_chart = layout.charts[s[0].local as usize] == layout.charts[s[1].local as usize];
         if same_chart && s[0].middle.distance(s[1].middle) < 1e-3 || s[0].normal.dot(s[1].normal) < SMOOTH {

@@ -15,7 +15,7 @@ pub const CELLS: u32 = SIDE * SIDE;
 pub fn cell_of(d: Vec3) -> u32 {
     let a = d.abs();
     let r = (1.0 - a.z).max(0.0).sqrt();
-    // Angle within the octant over a right angle, by a polynomial: no cell depends on its last bits.
+    // Angle within the octant over a right angle.
     let phi = FRAC_2_PI * libm::atan2f(a.y, a.x);
     let (mut v, mut u) = (phi * r, r - phi * r);
     if d.z < 0.0 {

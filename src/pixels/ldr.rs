@@ -22,8 +22,32 @@ pub struct Ldr {
     pub rgba: Vec<[u8; 4]>,
 }
 
+/// What a picture's header says.
+#[derive(Clone, Copy, Debug)]
+pub struct Header {
+    /// Width and height, both at least 1.
+    pub size: UVec2,
+    /// Bytes that [`decode`] takes at most at a time, its result included.
+    pub bytes: u64,
+}
+
+/// Looks at the header of a PNG, JPEG or WebP file held in memory; the error is the reason in words.
+pub fn measure(bytes: &[u8]) -> Result<Header, String> {
+    let (decoder, size) = open(bytes)?;
+    // As stored, as eight bits a channel, and as the result.
+    let pixels = u64::from(size.x) * u64::from(size.y);
+    Ok(Header { size, bytes: decoder.total_bytes() + 8 * pixels })
+}
+
 /// Decodes a PNG, JPEG or WebP file held in memory; the error is the reason in words.
 pub fn decode(bytes: &[u8]) -> Result<Ldr, String> {
+    let (decoder, size) = open(bytes)?;
+    let rgba = DynamicImage::from_decoder(decoder).map_err(|e| e.to_string())?.into_rgba8();
+    Ok(Ldr { size, rgba: rgba.pixels().map(|p| p.0).collect() })
+}
+
+/// The decoder of a picture whose header can be believed.
+fn open(bytes: &[u8]) -> Result<(impl ImageDecoder + '_, UVec2), String> {
     let reason = |e: image::ImageError| e.to_string();
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| e.to_string())?;
     match reader.format() {
@@ -48,8 +72,7 @@ pub fn decode(bytes: &[u8]) -> Result<Ldr, String> {
     if width > MAX_EDGE || height > MAX_EDGE || decoder.total_bytes() > 1 << 31 {
         return Err(format!("is too large: {width} x {height} pixels"));
     }
-    let rgba = DynamicImage::from_decoder(decoder).map_err(reason)?.into_rgba8();
-    Ok(Ldr { size: UVec2::new(width, height), rgba: rgba.pixels().map(|p| p.0).collect() })
+    Ok((decoder, UVec2::new(width, height)))
 }
 
 #[cfg(test)]

@@ -6,5 +6,5 @@ mod ldr;
 mod png;
 
 pub use hdr::{Hdr, read_hdr};
-pub use ldr::{Ldr, decode};
+pub use ldr::{Header, Ldr, decode, measure};
 pub use png::encode_png;

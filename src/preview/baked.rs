@@ -44,9 +44,14 @@ pub fn sight(baked: &Baked, origin: Vec3, direction: Vec3) -> Option<Sight> {
     let hit = baked.tracer.closest(&Ray { origin, direction, key })?;
     let front = hit.front || world.material(hit.triangle).double_sided;
     let (instance, t) = world.locate(hit.triangle);
-    let surface = scene.surface(world.mesh(instance), t, hit.bary, 0.0);
-    let radiance = surface.reflectance * seen_irradiance(baked, &hit) / PI + surface.emission;
-    Some(Sight { distance: hit.t, front, radiance })
+    let (mesh, unlit) = (world.mesh(instance), world.material(hit.triangle).unlit);
+    let radiance = if unlit {
+        scene.base_color(mesh, t, hit.bary, 0.0).truncate()
+    } else {
+        let surface = scene.surface(mesh, t, hit.bary, 0.0);
+        surface.reflectance * seen_irradiance(baked, &hit) / PI + surface.emission
+    };
+    Some(Sight { distance: hit.t, front, radiance, unlit })
 }
 
 /// Bilinear irradiance of the lightmap, or of the patch where the map does not hold all light.

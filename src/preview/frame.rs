@@ -117,7 +117,8 @@ fn views(cast: &Cast, camera: &Camera, aspect: f32, diagonal: f32) -> Vec<(f32, 
         let square = sight.distance * sight.distance * cell;
         let slanted = beside.zip(below).map_or(square, |(b, c)| (b.0 - at).cross(c.0 - at).length());
         let area = slanted.min(6.0 * square).min(0.01 * diagonal * diagonal);
-        Some((luminance(sight.radiance), area * if through { THROUGH } else { 1.0 }))
+        let light = if sight.unlit { 0.0 } else { luminance(sight.radiance) };
+        Some((light, area * if through { THROUGH } else { 1.0 }))
     };
     (0..hits.len()).filter_map(view).collect()
 }

@@ -22,6 +22,8 @@ pub struct Sight {
     pub front: bool,
     /// Radiance towards the ray: rho E / pi and what is emitted.
     pub radiance: Vec3,
+    /// True if `radiance` is a colour to be shown as it is, whatever the exposure.
+    pub unlit: bool,
 }
 
 /// The nearest surface from an origin in a unit direction.
@@ -72,7 +74,7 @@ mod tests {
                     let inside = (0..3).all(|i| i == axis || at[i].abs() <= half[i]);
                     if inside && distance > 1e-6 && nearest.is_none_or(|n| distance < n.distance) {
                         let front = direction[axis] * side > 0.0;
-                        nearest = Some(Sight { distance, front, radiance: Vec3::ONE });
+                        nearest = Some(Sight { distance, front, radiance: Vec3::ONE, unlit: false });
                     }
                 }
             }

@@ -1,6 +1,6 @@
 //! The picture: two by two rays a pixel, exposed for what is seen, rolled off in the highlights, sRGB.
 
-use super::{Cast, axes, half_extent, see};
+use super::{Cast, Sight, axes, half_extent, see};
 use crate::{
     math::{luminance, srgb},
     scene::{Camera, Sky},
@@ -31,14 +31,20 @@ pub fn paint(cast: &Cast, sky: &Sky, camera: &Camera, size: UVec2) -> Picture {
     let radiance = |x: u32, y: u32| {
         let at = (Vec2::new(x as f32, y as f32) + 0.5) / fine.as_vec2() * 2.0 - 1.0;
         let direction = (camera.forward + right * (at.x * tan_x) - up * (at.y * tan_y)).normalize();
-        see(cast, camera.eye, direction).map_or((sky.radiance(direction), false), |(s, _)| (s.radiance, true))
+        let sight = see(cast, camera.eye, direction).map(|(sight, _)| sight);
+        (sight.map_or_else(|| sky.radiance(direction), |s| s.radiance), sight)
     };
     let rows = (0..fine.y).into_par_iter().flat_map_iter(|y| (0..fine.x).map(move |x| (x, y)));
-    let seen: Vec<(Vec3, bool)> = rows.map(|(x, y)| radiance(x, y)).collect();
-    let exposure = auto_exposure(seen.iter().filter(|s| s.1).map(|s| luminance(s.0)).collect());
+    let seen: Vec<(Vec3, Option<Sight>)> = rows.map(|(x, y)| radiance(x, y)).collect();
+    let is_lit = |sight: &Option<Sight>| sight.is_some_and(|s| !s.unlit);
+    let exposure = auto_exposure(seen.iter().filter(|s| is_lit(&s.1)).map(|s| luminance(s.0)).collect());
     let pixel = |x: u32, y: u32| {
         let cell = (0..GRID * GRID).map(|k| ((y * GRID + k / GRID) * fine.x + x * GRID + k % GRID) as usize);
-        let sum: Vec3 = cell.map(|k| shown(seen[k].0 * exposure)).sum();
+        let color = |(radiance, sight): (Vec3, Option<Sight>)| match sight {
+            Some(Sight { unlit: true, .. }) => radiance,
+            _ => shown(radiance * exposure),
+        };
+        let sum: Vec3 = cell.map(|k| color(seen[k])).sum();
         srgb(sum / (GRID * GRID) as f32)
     };
     let rgb = (0..size.y).flat_map(|y| (0..size.x).map(move |x| (x, y))).map(|(x, y)| pixel(x, y)).collect();
@@ -97,7 +103,7 @@ mod tests {
     #[test]
     fn a_picture_has_its_top_first() {
         let sky = |_: Vec3, d: Vec3| {
-            (d.y > 0.0).then_some(super::super::Sight { distance: 1.0, front: true, radiance: Vec3::ONE })
+            (d.y > 0.0).then_some(Sight { distance: 1.0, front: true, radiance: Vec3::ONE, unlit: false })
         };
         let camera = super::super::at(Vec3::ZERO, Vec3::NEG_Z, 1.0);
         let picture = paint(&sky, &Sky::Black, &camera, UVec2::new(4, 4));

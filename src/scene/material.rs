@@ -102,8 +102,7 @@ impl Scene {
             };
         }
         let look = |r: &Option<TextureRef>| r.as_ref().map_or(Vec4::ONE, |r| self.texel(r, mesh, t, bary, footprint));
-        let color = vertex_color(mesh, t, bary);
-        let base = m.base_color * look(&m.base_texture) * color;
+        let base = self.base_color(mesh, t, bary, footprint);
         let dielectric = 1.0 - m.metallic * look(&m.metallic_texture).z;
         let through = m.transmission * look(&m.transmission_texture).x;
         let holes = match m.alpha {
@@ -123,14 +122,20 @@ impl Scene {
         }
     }
 
+    /// Base colour (linear) and opacity of triangle `t` of `mesh` at `bary`: all that an unlit surface has.
+    pub fn base_color(&self, mesh: &Mesh, t: u32, bary: Vec2, footprint: f32) -> Vec4 {
+        let m = &self.materials[mesh.primitives[mesh.primitive_of(t)].material as usize];
+        let texture = m.base_texture.as_ref().map_or(Vec4::ONE, |r| self.texel(r, mesh, t, bary, footprint));
+        m.base_color * texture * vertex_color(mesh, t, bary)
+    }
+
     /// Share of light (rgb) that passes straight through triangle `t` of `mesh` at `bary`.
     pub fn transmittance(&self, mesh: &Mesh, t: u32, bary: Vec2) -> Vec3 {
         self.surface(mesh, t, bary, 0.0).transmittance
     }
 
     fn hole(&self, m: &Material, mesh: &Mesh, t: u32, bary: Vec2, footprint: f32) -> f32 {
-        let texture = m.base_texture.as_ref().map_or(1.0, |r| self.texel(r, mesh, t, bary, footprint).w);
-        let alpha = m.base_color.w * texture * vertex_color(mesh, t, bary).w;
+        let alpha = self.base_color(mesh, t, bary, footprint).w;
         match m.alpha {
             Alpha::Opaque => 0.0,
             Alpha::Mask(cutoff) => f32::from(u8::from(alpha < cutoff)),

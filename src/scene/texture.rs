@@ -51,6 +51,33 @@ impl Texture {
         t
     }
 
+    /// Bytes that a texture of `size` takes, all its levels.
+    pub fn bytes(size: UVec2) -> u64 {
+        let next = |s: &UVec2| (s.max_element() > 1).then(|| (*s / 2).max(UVec2::ONE));
+        let levels = std::iter::successors(Some(size), next);
+        levels.map(|s| u64::from(s.x) * u64::from(s.y) * size_of::<[u8; 4]>() as u64).sum()
+    }
+
+    /// The finest level: width and height, and its texels as stored, rows from the top.
+    pub fn picture(&self) -> (UVec2, &[[u8; 4]]) {
+        (self.levels[0].size, &self.levels[0].rgba)
+    }
+
+    /// What happens outside [0, 1], in u and in v.
+    pub fn wrap(&self) -> [Wrap; 2] {
+        self.wrap
+    }
+
+    /// True if the finest level is read without interpolation.
+    pub fn is_nearest(&self) -> bool {
+        self.nearest
+    }
+
+    /// Mean of the whole picture, linear rgba.
+    pub fn mean(&self) -> Vec4 {
+        self.sample(Vec2::splat(0.5), f32::MAX)
+    }
+
     /// Linear rgba at `uv` (v down), bilinear, from the level whose texels are about `footprint` (in uv) wide.
     pub fn sample(&self, uv: Vec2, footprint: f32) -> Vec4 {
         let finest = self.levels[0].size.max_element() as f32;

@@ -3,10 +3,10 @@
 use crate::{scenes::*, unwrapped};
 use glam::{DVec2, DVec3, Vec3};
 use luxel::{
-    atlas::{Atlas, Density, NO_CHART, Options, PADDING, Unwrap},
+    atlas::{Atlas, Coverage, Density, NO_CHART, Options, PADDING, Unwrap},
     error::Error,
     progress::{Observer, Silent},
-    scene::{Primitive, Scene},
+    scene::{Primitive, Scene, World},
 };
 use std::path::Path;
 
@@ -188,7 +188,7 @@ fn a_page_grows_where_a_node_does_not_fit() {
     for density in [Density::Resolution(32), Density::TexelsPerMeter(1.0)] {
         let options = Options { density, page_size: 32, ..Options::default() };
         let error = unwrapped(&scene, &options).unwrap_err();
-        assert_eq!(error.exit_code(), 2, "{error}");
+        assert_eq!(error.exit_code(), 3, "{error}");
         assert!(error.to_string().contains("node 1") && error.to_string().contains("--page-size"), "{error}");
     }
 }
@@ -270,5 +270,25 @@ fn senseless_sizes_are_refused() {
     if !cfg!(feature = "xatlas") {
         let options = Options { unwrap: Unwrap::Xatlas, ..Options::default() };
         assert!(unwrapped(&scene, &options).unwrap_err().to_string().contains("--features xatlas"));
+    }
+}
+
+#[test]
+fn the_texels_told_beforehand_are_no_more_than_come() {
+    let strip = mesh(
+        "mesh \"Strip\"",
+        [[0.0, 0.0], [100.0, 0.0], [100.0, 1.0], [0.0, 1.0]].map(|[x, y]| Vec3::new(x, y, 0.0)).to_vec(),
+        vec![],
+        vec![[0, 1, 2], [0, 2, 3]],
+    );
+    let meshes = vec![cube(), sphere(12), strip, confetti(20)];
+    let scene = scene(meshes, &[(0, DVec3::ONE), (1, DVec3::new(1.0, 2.0, 1.0)), (2, DVec3::ONE), (3, DVec3::ONE)]);
+    for (density, page_size) in [(20.0, 4096), (50.0, 256), (5000.0, 256)] {
+        let options = Options { density: Density::TexelsPerMeter(density), page_size, ..Options::default() };
+        let (atlas, _) = unwrapped(&scene, &options).unwrap();
+        let told = luxel::atlas::least_texels(&scene, &options);
+        let came = Coverage::new(&World::new(&scene), &atlas).texels.len() as u64;
+        println!("{density} on {page_size}: {told} told, {came} came");
+        assert!(told <= came && told > came / 20, "{density} on {page_size}: {told} told, {came} came");
     }
 }

@@ -131,3 +131,21 @@ fn hidden_instances_have_coarse_hidden_pages() {
     let (atlas, _) = keep(&scene, Density::Resolution(128)).unwrap();
     assert!(atlas.placements.iter().all(Option::is_none) && atlas.pages.is_empty());
 }
+
+#[test]
+fn hidden_instances_need_no_coordinates() {
+    let mut scene = scene(vec![square("a", [0.0, 0.0], [1.0, 1.0]), cube()], &[(0, DVec3::ONE), (1, DVec3::ONE)]);
+    scene.instances[1].texels_per_meter = Some(0.0);
+    let (atlas, warnings) = keep(&scene, Density::Resolution(64)).unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert_eq!(atlas.pages.iter().map(|p| p.hidden).collect::<Vec<_>>(), [false, true]);
+    let [shown, hidden] = [0, 1].map(|i| atlas.placements[i].unwrap());
+    assert_eq!((shown.page, hidden.page), (0, 1));
+    assert_eq!(atlas.layouts[1].triangles.len(), 12);
+    assert!(atlas.layouts[1].charts.iter().all(|c| *c != NO_CHART));
+    // The same mesh shown elsewhere has the author's coordinates for both.
+    scene.instances[1].mesh = 0;
+    let (atlas, _) = keep(&scene, Density::Resolution(64)).unwrap();
+    assert_eq!(atlas.layouts[0].source, [0, 1, 2, 3]);
+    assert_eq!(atlas.pages.iter().map(|p| p.hidden).collect::<Vec<_>>(), [false, true]);
+}

@@ -5,7 +5,7 @@ use luxel::atlas::{Atlas, Layout, NO_CHART, Page, Placement};
 use luxel::gltf::{Document, Remarks, WriteOptions, write};
 use luxel::lightmaps::{Lightmaps, Map};
 use luxel::report::Report;
-use luxel::scene::{Instance, Material, Mesh, Primitive, Scene};
+use luxel::scene::{Bake, Instance, Light, LightKind, Material, Mesh, Primitive, Scene};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -221,6 +221,20 @@ pub fn scene(document: &Document) -> Scene {
         scene.meshes.push(mesh);
     }
     scene.materials.push(Material::default());
+    for (index, _) in
+        list(&json["nodes"]).iter().enumerate().filter(|(_, n)| n["extensions"]["KHR_lights_punctual"].is_object())
+    {
+        scene.lights.push(Light {
+            name: String::new(),
+            node: Some(index as u32),
+            kind: LightKind::Point { radius: 0.0 },
+            position: Vec3::ZERO,
+            direction: Vec3::Y,
+            intensity: Vec3::ONE,
+            range: f32::INFINITY,
+            bake: Bake::Full,
+        });
+    }
     for (index, node) in list(&json["nodes"]).iter().enumerate() {
         if let Some(mesh) = node["mesh"].as_u64() {
             let at = list(&node["translation"]).iter().map(|v| v.as_f64().unwrap()).collect::<Vec<_>>();

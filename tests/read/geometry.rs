@@ -200,3 +200,21 @@ fn nothing_to_light() {
     assert_eq!(input.scene.instances.len(), 1);
     says(&input.warnings, "has no triangles");
 }
+
+/// A small file in which `counts[m]` primitives of mesh m share 2^20 triangles.
+fn many_triangles(counts: &[usize]) -> Builder {
+    let mut b = Builder::triangle();
+    let indices = json!({ "type": "SCALAR", "componentType": 5121, "count": 3 << 20 });
+    let indices = b.accessor(indices, &[0, 1, 2].repeat(1 << 20));
+    let part = json!({ "attributes": { "POSITION": 0 }, "indices": indices });
+    b.json["meshes"] = counts.iter().map(|n| json!({ "primitives": vec![part.clone(); *n] })).collect();
+    b.json["nodes"] = (0..counts.len()).map(|mesh| json!({ "mesh": mesh })).collect();
+    b.json["scenes"][0]["nodes"] = (0..counts.len()).collect();
+    b
+}
+
+#[test]
+fn shared_accessors_do_not_ask_for_any_number_of_triangles() {
+    refuses(&many_triangles(&[65]), &["mesh 0, primitive 64", "more than 67108864 triangles", "--exclude"]);
+    refuses(&many_triangles(&[1, 64]), &["mesh 1, primitive 63", "more than 67108864 triangles", "--exclude"]);
+}

@@ -197,3 +197,20 @@ fn extensions_that_are_refused() {
     b.json["nodes"][0]["extensions"] = json!({ "EXT_mesh_gpu_instancing": { "attributes": {} } });
     refuses(&b, &["EXT_mesh_gpu_instancing", "node 0"]);
 }
+
+#[test]
+fn tinted_glass_is_told_what_is_lost() {
+    let glass = |color: Value| {
+        let pbr = json!({ "baseColorFactor": color, "metallicFactor": 0 });
+        let extensions = json!({ "KHR_materials_transmission": { "transmissionFactor": 0.9 } });
+        with(json!({ "pbrMetallicRoughness": pbr, "extensions": extensions }))
+    };
+    says(&ok(&glass(json!([0.9, 0.2, 0.2, 1]))).warnings, "material 0: lets coloured light through");
+    assert!(ok(&glass(json!([0.8, 0.8, 0.8, 1]))).warnings.is_empty());
+    // The tint may be that of a picture.
+    let mut b = glass(json!([1, 1, 1, 1]));
+    b.texture(&encode_png(UVec2::ONE, &[[200, 40, 40]]).unwrap());
+    b.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] =
+        json!({ "index": b.json["textures"].as_array().unwrap().len() - 1 });
+    says(&ok(&b).warnings, "lets coloured light through");
+}

@@ -55,6 +55,17 @@ impl<'s, 'a> Reader<'s, 'a> {
         self.count
     }
 
+    /// Elements it says it has, or none if no buffer of the file could hold them, which reading it will tell.
+    pub fn claim(&self) -> usize {
+        if self.count <= self.most() { self.count } else { 0 }
+    }
+
+    /// More elements than the file's bytes, and some zeros, are not believed.
+    fn most(&self) -> usize {
+        let bytes: usize = self.source.document.buffers.iter().map(Vec::len).sum();
+        bytes.saturating_add(ZEROS)
+    }
+
     /// True if its type has `n` components and is no matrix.
     pub fn is_vec(&self, n: usize) -> bool {
         self.kind.multiplicity() == n && !matches!(self.kind, Type::Mat2 | Type::Mat3 | Type::Mat4)
@@ -85,10 +96,7 @@ impl<'s, 'a> Reader<'s, 'a> {
         let mut all: Vec<T> = match self.accessor.buffer_view {
             Some(view) => self.view(view.value(), offset, self.count, size)?.elements().map(&decode).collect(),
             None => {
-                let bytes: usize = self.source.document.buffers.iter().map(Vec::len).sum();
-                self.expect(self.count <= bytes.saturating_add(ZEROS), || {
-                    format!("{} elements without data", self.count)
-                })?;
+                self.expect(self.count <= self.most(), || format!("{} elements without data", self.count))?;
                 vec![zero; self.count]
             }
         };

@@ -10,7 +10,7 @@ use crate::{
     gltf::{Document, document::External, uri::Named},
 };
 use serde_json::Value;
-use std::path::Path;
+use std::{collections::HashSet, path::Path};
 
 const MAGIC: &[u8] = b"glTF";
 const JSON: u32 = 0x4E4F_534A;
@@ -110,11 +110,11 @@ fn buffers(path: &Path, json: &Value, bin: Option<&[u8]>) -> Result<Vec<Vec<u8>>
 }
 
 fn external(path: &Path, json: &Value) -> Result<Vec<External>> {
-    let mut files: Vec<External> = Vec::new();
+    let (mut files, mut known) = (Vec::new(), HashSet::new());
     for list in ["buffers", "images"] {
         for part in array(path, json, list)? {
             let Some(text) = part.get("uri").and_then(Value::as_str) else { continue };
-            if let Some(named) = Named::beside(path, text).filter(|_| !files.iter().any(|f| f.uri == text)) {
+            if let Some(named) = Named::beside(path, text).filter(|_| known.insert(text)) {
                 files.push(External { uri: text.into(), path: named.path });
             }
         }

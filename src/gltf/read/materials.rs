@@ -15,6 +15,9 @@ use serde::Deserialize;
 use serde_json::Value;
 use std::collections::HashMap;
 
+/// Share by which the channels of transmitted light may differ and still be called grey.
+const TINT: f32 = 0.05;
+
 /// Materials read so far.
 pub(super) struct Materials<'s, 'a> {
     source: &'s Source<'a>,
@@ -57,8 +60,18 @@ impl<'s, 'a> Materials<'s, 'a> {
         }
     }
 
-    pub fn finish(self) -> (Vec<Material>, Vec<Texture>) {
-        (self.read, self.textures.finish())
+    pub fn finish(self, warnings: &mut Warnings) -> Result<(Vec<Material>, Vec<Texture>)> {
+        let textures = self.textures.finish()?;
+        for m in self.read.iter().filter(|m| m.transmission > 0.0 && !m.unlit) {
+            let picture = m.base_texture.as_ref().map_or(Vec4::ONE, |r| textures[r.texture as usize].mean());
+            let color = (m.base_color * picture).truncate();
+            if color.max_element() - color.min_element() > TINT * color.max_element() {
+                let sentence = "lets coloured light through, but only lamps and the sun are tinted: light of the sky and \
+                                of bounces passes in grey";
+                warnings.about(&m.name, sentence);
+            }
+        }
+        Ok((self.read, textures))
     }
 
     fn insert(&mut self, key: Option<usize>, material: Material) -> u32 {

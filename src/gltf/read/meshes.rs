@@ -10,7 +10,7 @@ use super::{
     warnings::Warnings,
 };
 use crate::{
-    error::Result,
+    error::{Error, Result},
     scene::{Mesh, Primitive},
 };
 use glam::{Vec2, Vec3, Vec4};
@@ -23,23 +23,35 @@ use std::ops::Range;
 
 /// Texture coordinate sets that are read.
 const MAX_SETS: u32 = 8;
-/// Vertices that a mesh, and a scene, may have: primitives that share accessors get copies, so a small file could ask
-/// for any number of them.
-pub(super) const MAX_VERTICES: usize = 1 << 27;
+/// Vertices and triangles that the meshes of a scene may have: primitives that share accessors get copies, so a small
+/// file could ask for any number of them.
+const MAX_VERTICES: usize = 1 << 27;
+const MAX_TRIANGLES: usize = 1 << 26;
 
-/// Mesh `index` of the document; `None`, with a warning, if it has no triangle.
+/// What the meshes of a scene have so far.
+#[derive(Default)]
+pub(super) struct Total {
+    vertices: usize,
+    triangles: usize,
+}
+
+/// Mesh `index` of the document; `None`, with a warning, if it has no triangle. Nothing of it is read if it makes `total`
+/// too large.
 pub(super) fn read(
     source: &Source,
     index: usize,
     materials: &mut Materials,
+    total: &mut Total,
     warnings: &mut Warnings,
 ) -> Result<Option<Mesh>> {
     let from = source.part(&source.meshes, index, "mesh", "mesh")?;
     let name = label("mesh", index, from.name.as_deref());
     let mut mesh = Mesh { name, source: index as u32, ..Mesh::default() };
-    for (i, primitive) in from.primitives.iter().enumerate() {
-        let place = format!("{}, primitive {i}", mesh.name);
-        Part { source, primitive, place }.append(i, &mut mesh, materials, warnings)?;
+    let part = |(i, primitive)| Part { source, primitive, place: format!("{}, primitive {i}", mesh.name) };
+    let parts: Vec<Part> = from.primitives.iter().enumerate().map(part).collect();
+    parts.iter().try_for_each(|part| total.add(part))?;
+    for (i, part) in parts.iter().enumerate() {
+        part.append(i, &mut mesh, materials, warnings)?;
     }
     if mesh.triangles.is_empty() {
         warnings.about(mesh.name, "has no triangles and is left out");
@@ -51,6 +63,25 @@ pub(super) fn read(
         mesh.colors.resize(vertices, Vec4::ONE);
     }
     Ok(Some(mesh))
+}
+
+impl Total {
+    /// Counts what a primitive says it has.
+    fn add(&mut self, part: &Part) -> Result<()> {
+        let (vertices, triangles) = part.claim()?;
+        self.vertices = self.vertices.saturating_add(vertices);
+        self.triangles = self.triangles.saturating_add(triangles);
+        for (count, most, what) in
+            [(self.vertices, MAX_VERTICES, "vertices"), (self.triangles, MAX_TRIANGLES, "triangles")]
+        {
+            if count > most {
+                let problem = format!("here the scene has more than {most} {what}");
+                let remedy = "leave nodes out (--exclude), or split the scene into several files";
+                return Err(Error::invalid(part.source.file, &part.place, problem, remedy));
+            }
+        }
+        Ok(())
+    }
 }
 
 /// A primitive of the document.
@@ -82,9 +113,6 @@ impl Part<'_, '_> {
         }
         let (start, first) = (mesh.positions.len(), mesh.triangles.len() as u32);
         let end = start + positions.len();
-        if end > MAX_VERTICES || mesh.triangles.len() + triangles.len() > u32::MAX as usize {
-            return Err(self.source.invalid(&self.place, format!("its mesh has more than {MAX_VERTICES} vertices")));
-        }
         mesh.positions.extend(positions);
         mesh.normals.extend(self.normals(end - start, warnings)?);
         let uv_sets = self.uvs(mesh, start..end, warnings)?;
@@ -103,6 +131,19 @@ impl Part<'_, '_> {
         materials.check_sets(material, |set| primitive.has_uv(set), &mesh.name, warnings);
         mesh.primitives.push(primitive);
         Ok(())
+    }
+
+    /// Vertices and triangles that it says it has, as far as a file of this size could hold them.
+    fn claim(&self) -> Result<(usize, usize)> {
+        let Some(position) = self.attribute(Semantic::Positions) else { return Ok((0, 0)) };
+        let count = |index: Index<Accessor>| Ok(Reader::new(self.source, index.value(), &self.place)?.claim());
+        let vertices = count(position)?;
+        let corners = self.primitive.indices.map_or(Ok(vertices), count)?;
+        Ok(match self.primitive.mode {
+            Checked::Valid(Mode::Triangles) => (vertices, corners / 3),
+            Checked::Valid(Mode::TriangleStrip | Mode::TriangleFan) => (vertices, corners.saturating_sub(2)),
+            _ => (0, 0),
+        })
     }
 
     fn attribute(&self, semantic: Semantic) -> Option<Index<Accessor>> {

@@ -54,7 +54,7 @@ impl Default for ReadOptions {
 pub struct Input {
     /// The file as it is.
     pub document: Document,
-    /// What it describes, with a black sky.
+    /// What it describes, with a black sky. (The white one for a scene without any light is the command line's.)
     pub scene: Scene,
     /// What the user should know, one sentence each.
     pub warnings: Vec<String>,
@@ -87,7 +87,7 @@ fn scene(source: &Source, options: &ReadOptions, warnings: &mut Warnings) -> Res
     }
     let lights = lights::read(source, &placed, origin, options.light_scale, warnings)?;
     let cameras = cameras::read(source, &placed, origin)?;
-    let (materials, textures) = materials.finish();
+    let (materials, textures) = materials.finish(warnings)?;
     let file = source.file.into();
     Ok(Scene { file, origin, meshes, instances, materials, textures, lights, sky: Sky::Black, cameras })
 }
@@ -101,7 +101,7 @@ fn lit(
 ) -> Result<(Vec<Mesh>, Vec<Instance>)> {
     let (mut meshes, mut instances): (Vec<Mesh>, Vec<Instance>) = Default::default();
     let mut read: HashMap<usize, Option<u32>> = HashMap::new();
-    let (mut triangles, mut vertices) = (0u64, 0);
+    let (mut triangles, mut total) = (0u64, meshes::Total::default());
     for p in placed {
         let Some(index) = source.nodes[p.node].mesh.map(|m| m.value()) else { continue };
         let name = source.node_name(p.node);
@@ -115,9 +115,8 @@ fn lit(
         let mesh = match read.get(&index) {
             Some(known) => *known,
             None => {
-                let mesh = meshes::read(source, index, materials, warnings)?;
+                let mesh = meshes::read(source, index, materials, &mut total, warnings)?;
                 let at = mesh.map(|mesh| {
-                    vertices += mesh.positions.len();
                     meshes.push(mesh);
                     meshes.len() as u32 - 1
                 });
@@ -125,9 +124,6 @@ fn lit(
                 at
             }
         };
-        if vertices > meshes::MAX_VERTICES {
-            return Err(source.invalid(name, format!("the scene has more than {} vertices", meshes::MAX_VERTICES)));
-        }
         let Some(mesh) = mesh else { continue };
         let m = p.world.matrix3;
         if [m.x_axis.cross(m.y_axis), m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis)] == [DVec3::ZERO; 3] {

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{
     error::{Error, Result},
-    pixels,
+    memory, pixels,
     scene::{Texture, TextureRef, Wrap},
 };
 use glam::{Affine2, Mat2, UVec2, Vec2};
@@ -23,16 +23,16 @@ use std::{borrow::Cow, collections::HashMap};
 /// What makes two textures equal: image (`None`: white), wrap modes, nearest, sRGB.
 type Key = (Option<usize>, [Wrap; 2], bool, bool);
 
-/// Textures read so far.
+/// Textures wanted so far, with a place where each is used.
 pub(super) struct Textures<'s, 'a> {
     source: &'s Source<'a>,
-    read: Vec<Texture>,
+    wanted: Vec<(Key, String)>,
     index: HashMap<Key, u32>,
 }
 
 impl<'s, 'a> Textures<'s, 'a> {
     pub fn new(source: &'s Source<'a>) -> Self {
-        Textures { source, read: Vec::new(), index: HashMap::new() }
+        Textures { source, wanted: Vec::new(), index: HashMap::new() }
     }
 
     /// What a material called `material` reads through `info`.
@@ -45,12 +45,8 @@ impl<'s, 'a> Textures<'s, 'a> {
         let texture = match self.index.get(&key) {
             Some(known) => *known,
             None => {
-                let (size, rgba) = match key.0 {
-                    Some(image) => self.decode(image, &place)?,
-                    None => (UVec2::ONE, vec![[255; 4]]),
-                };
-                self.read.push(Texture::new(size, rgba, srgb, wrap, nearest));
-                let at = self.read.len() as u32 - 1;
+                self.wanted.push((key, place));
+                let at = self.wanted.len() as u32 - 1;
                 self.index.insert(key, at);
                 at
             }
@@ -63,8 +59,29 @@ impl<'s, 'a> Textures<'s, 'a> {
         })
     }
 
-    pub fn finish(self) -> Vec<Texture> {
-        self.read
+    /// Decodes all that are wanted, once their headers say that they fit into memory.
+    pub fn finish(self) -> Result<Vec<Texture>> {
+        let (mut all, mut largest) = (0, 0);
+        for ((image, ..), place) in &self.wanted {
+            let Some(image) = *image else { continue };
+            let header = self.picture(image, place, pixels::measure)?;
+            all += Texture::bytes(header.size);
+            largest = largest.max(header.bytes);
+        }
+        if all > 0 {
+            let input = self.source.file.display();
+            let tool = format!("npx @gltf-transform/cli resize --width 2048 --height 2048 \"{input}\" OUT.glb");
+            let remedy = format!("make its pictures smaller: {tool}");
+            memory::fits((all + largest) >> 20, memory::free_mb(), &remedy)?;
+        }
+        let texture = |((image, wrap, nearest, srgb), place): &(Key, String)| {
+            let (size, rgba) = match *image {
+                Some(image) => self.picture(image, place, pixels::decode).map(|p| (p.size, p.rgba))?,
+                None => (UVec2::ONE, vec![[255; 4]]),
+            };
+            Ok(Texture::new(size, rgba, *srgb, *wrap, *nearest))
+        };
+        self.wanted.iter().map(texture).collect()
     }
 
     fn sampler(&self, index: Option<usize>, place: &str) -> Result<([Wrap; 2], bool)> {
@@ -99,7 +116,8 @@ impl<'s, 'a> Textures<'s, 'a> {
         Ok(None)
     }
 
-    fn decode(&self, index: usize, place: &str) -> Result<(UVec2, Vec<[u8; 4]>)> {
+    /// What `read` makes of the bytes of image `index`, used at `place`.
+    fn picture<T>(&self, index: usize, place: &str, read: fn(&[u8]) -> std::result::Result<T, String>) -> Result<T> {
         let source = self.source;
         let images = source.document.json.get("images").and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
         let image = source.part(images, index, "image", place)?;
@@ -110,10 +128,9 @@ impl<'s, 'a> Textures<'s, 'a> {
             (None, Some(view)) => view_bytes(source, usize::try_from(view).unwrap_or(usize::MAX), &place)?.into(),
             (None, None) => return Err(source.invalid(place, "has neither a uri nor a bufferView")),
         };
-        let decoded = pixels::decode(&bytes).map_err(|problem| {
+        read(&bytes).map_err(|problem| {
             Error::invalid(source.file, place, problem, "replace the picture by a valid PNG, JPEG or WebP file")
-        })?;
-        Ok((decoded.size, decoded.rgba))
+        })
     }
 }
 

@@ -1,10 +1,10 @@
 //! `LUXEL_lightmap` at the root and at each lit node, with a mirror in `extras.luxel.lightmap` for loaders that show
 //! extras only; and the removal of an earlier bake's.
 
-use super::{WriteOptions, accessor::uint, store::Store, vertices::object};
+use super::{accessor::uint, store::Store, vertices::object};
 use crate::{
     atlas::{Atlas, Placement},
-    lightmaps::{Content, Lightmaps},
+    lightmaps::Lightmaps,
     report::Report,
     scene::Scene,
 };
@@ -50,13 +50,9 @@ pub fn root_data(
     lightmaps: &Lightmaps,
     pages: &[(&'static str, Value, f32)],
     report: &Report,
-    options: &WriteOptions,
+    baked_lights: &[u32],
 ) -> Value {
-    let content = match lightmaps.content {
-        Content::Full => "full",
-        Content::Direct => "direct",
-        Content::Indirect => "indirect",
-    };
+    let content = lightmaps.content.name();
     let page = |((place, value, scale), map): (&(&'static str, Value, f32), &crate::lightmaps::Map)| {
         let mut page = object(json!({ *place: value, "mimeType": "image/x-exr" }));
         page.extend(object(json!({
@@ -66,7 +62,7 @@ pub fn root_data(
     };
     let pages: Vec<Value> = pages.iter().zip(&lightmaps.pages).map(page).collect();
     let generator = concat!("luxel ", env!("CARGO_PKG_VERSION"));
-    json!({ "pages": pages, "bakedLights": options.baked_lights, "generator": generator, "report": short(report) })
+    json!({ "pages": pages, "bakedLights": baked_lights, "generator": generator, "report": short(report) })
 }
 
 /// What of the report is the same on every machine: no times, no memory. What does not apply is left out.
@@ -116,6 +112,18 @@ fn put(owner: &mut Value, data: Value, name: impl Fn() -> String, notes: &mut Ve
 /// The object `key` of `owner`, made if it is missing; `None` if it is something else.
 fn entry<'a>(owner: &'a mut Map<String, Value>, key: &str) -> Option<&'a mut Map<String, Value>> {
     owner.entry(key).or_insert_with(|| json!({})).as_object_mut()
+}
+
+/// Takes an extension that nothing has any more out of the lists of names.
+pub fn unlist(json: &mut Value, extension: &str) {
+    for list in ["extensionsUsed", "extensionsRequired"] {
+        if let Some(names) = json.get_mut(list).and_then(Value::as_array_mut) {
+            names.retain(|name| name != extension);
+            if names.is_empty() {
+                json.as_object_mut().and_then(|root| root.shift_remove(list));
+            }
+        }
+    }
 }
 
 fn remove(owner: &mut Value) {

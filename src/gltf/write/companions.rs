@@ -1,25 +1,22 @@
 //! Files that the document names by URI, images above all: a GLB takes images in, everything else is copied beside the
 //! output, so that it stands where the document says.
 
-use super::{
-    files::{Files, folder},
-    store::Store,
-};
+use super::{files::Files, store::Store};
 use crate::{
     error::{Error, Result},
+    files,
     gltf::uri::{self, Named},
 };
 use serde_json::{Map, Value};
-use std::path::Path;
 
 /// Brings along what the document names; `embed`: images become part of the file. Returns what was left behind.
 ///
 /// Only ordinary files are opened. Outside of the document's folder these are pictures or nothing: a document must not
 /// make any file of the machine a part of the output.
-pub fn bring(store: &mut Store, files: &mut Files, embed: bool) -> Result<Vec<String>> {
+pub fn bring(store: &mut Store, output: &mut Files, embed: bool) -> Result<Vec<String>> {
     let mut warnings = Vec::new();
     let document = store.document().path.clone();
-    let moved = folder(&document).canonicalize().ok() != files.folder().canonicalize().ok();
+    let moved = files::folder(&document).canonicalize().ok() != output.folder().canonicalize().ok();
     let mut places = Vec::new();
     find(&store.json, &mut String::new(), &mut places);
     for place in places {
@@ -27,6 +24,10 @@ pub fn bring(store: &mut Store, files: &mut Files, embed: bool) -> Result<Vec<St
         let image = place.strip_prefix("/images/").is_some_and(|rest| !rest.contains('/'));
         if let Some(data) = uri::data(text) {
             data.into_iter().filter(|_| image && embed).for_each(|bytes| adopt(store, &place, bytes));
+            continue;
+        }
+        if text.is_empty() {
+            warnings.push(format!("{place}: its uri is empty; the output keeps it so"));
             continue;
         }
         let Some(named) = Named::beside(&document, text).filter(|_| image && embed || moved) else { continue };
@@ -40,7 +41,7 @@ pub fn bring(store: &mut Store, files: &mut Files, embed: bool) -> Result<Vec<St
         if image && embed && mime(&bytes).is_some() {
             adopt(store, &place, bytes);
         } else if moved {
-            let new = files.copy(&named.name, &bytes)?;
+            let new = output.copy(&named.name, &bytes)?;
             if let Some(old) = store.json.pointer_mut(&format!("{place}/uri")) {
                 *old = new.into();
             }
@@ -55,7 +56,7 @@ fn read(named: &Named, image: bool) -> std::result::Result<Vec<u8>, String> {
     if named.is_outside() && !image {
         return Err(outside());
     }
-    let bytes = crate::files::read(&named.path).map_err(|e: Error| e.to_string())?;
+    let bytes = files::read(&named.path).map_err(|e: Error| e.to_string())?;
     if named.is_outside() && mime(&bytes).is_none() { Err(outside()) } else { Ok(bytes) }
 }
 
@@ -102,9 +103,4 @@ fn mime(bytes: &[u8]) -> Option<&'static str> {
         _ if webp => Some("image/webp"),
         _ => None,
     }
-}
-
-/// True if `path` is to be a `.gltf`; everything else is a GLB.
-pub fn is_gltf(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gltf"))
 }

@@ -8,6 +8,7 @@ use crate::{
     gltf::uri::{self, Named},
 };
 use serde_json::Value;
+use std::collections::HashSet;
 use std::io::Write;
 use std::path::{Component, Path, PathBuf};
 use tempfile::NamedTempFile;
@@ -15,34 +16,36 @@ use tempfile::NamedTempFile;
 /// Files to be.
 pub struct Files {
     out: PathBuf,
-    protected: Vec<PathBuf>,
+    /// Places of the output, of input files and of what is written already.
+    taken: HashSet<PathBuf>,
     written: Vec<(PathBuf, NamedTempFile)>,
 }
 
 impl Files {
     /// An output without input.
     pub fn new(out: &Path) -> Self {
-        Files { out: out.into(), protected: Vec::new(), written: Vec::new() }
+        Files { out: out.into(), taken: HashSet::from([identity(out)]), written: Vec::new() }
     }
 
     /// An output at `out` of the document at `input` with this JSON.
     pub fn beside(out: &Path, input: &Path, json: &Value) -> Result<Self> {
-        let same = identity(out) == identity(input);
+        let mut files = Files::new(out);
         let mut protected = uris(json, "images", input);
-        if !same {
+        if identity(out) != identity(input) {
             protected.push(identity(input));
             protected.extend(uris(json, "buffers", input));
         }
-        if protected.contains(&identity(out)) {
+        if protected.iter().any(|path| files.taken.contains(path)) {
             let what = format!("{}: would overwrite a part of the input", out.display());
             return Err(Error::Usage(format!("{what}\n  choose another name")));
         }
-        Ok(Files { protected, ..Files::new(out) })
+        files.taken.extend(protected);
+        Ok(files)
     }
 
     /// The folder of the output.
-    pub fn folder(&self) -> PathBuf {
-        folder(&self.out)
+    pub fn folder(&self) -> &Path {
+        files::folder(&self.out)
     }
 
     /// Writes a file named after the output (`x.glb`, `.page0.exr`: `x.page0.exr`); returns its URI.
@@ -67,16 +70,14 @@ impl Files {
     }
 
     fn add_named(&mut self, name: impl Fn(usize) -> String, bytes: &[u8]) -> Result<String> {
-        let free = |name: &String| {
-            let path = identity(&self.out.with_file_name(name));
-            let taken = self.written.iter().any(|(p, _)| identity(p) == path);
-            !taken && path != identity(&self.out) && !self.protected.contains(&path)
-        };
+        let free = |name: &String| !self.taken.contains(&identity(&self.out.with_file_name(name)));
         let name = (0..).map(name).find(free).unwrap_or_default();
         let path = self.out.with_file_name(&name);
         if self.folder().is_dir() {
-            std::fs::create_dir_all(folder(&path)).map_err(|e| Error::writing(&path, e))?;
+            std::fs::create_dir_all(files::folder(&path)).map_err(|e| Error::writing(&path, e))?;
         }
+        // Its folder may exist only now, and has its true name only then.
+        self.taken.insert(identity(&path));
         self.written.push((path.clone(), temporary(&path, &[bytes])?));
         Ok(uri::encode(&name))
     }
@@ -104,15 +105,9 @@ fn temporary(path: &Path, parts: &[&[u8]]) -> Result<NamedTempFile> {
     write().map_err(|e| Error::writing(path, e))
 }
 
-/// The folder of `path`; `.` for a bare name.
-pub fn folder(path: &Path) -> PathBuf {
-    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).into()
-}
-
-/// The same path for the same file, whether it exists yet or not.
+/// The same path for the same file, as far as its folder exists.
 fn identity(path: &Path) -> PathBuf {
-    let file = || Some(folder(path).canonicalize().ok()?.join(path.file_name()?));
-    path.canonicalize().ok().or_else(file).unwrap_or_else(|| path.into())
+    files::place(path).unwrap_or_else(|_| path.into())
 }
 
 fn uris(json: &Value, key: &str, input: &Path) -> Vec<PathBuf> {

@@ -28,6 +28,7 @@ use crate::{
 use files::Files;
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
+use std::collections::HashMap;
 use std::path::Path;
 use store::Store;
 
@@ -40,8 +41,6 @@ pub struct WriteOptions {
     pub sidecar: bool,
     /// The baked lights are taken out of the file. Default: no.
     pub strip_lights: bool,
-    /// Nodes whose light is in the map and must not be drawn again.
-    pub baked_lights: Vec<u32>,
 }
 
 /// What a writer has to say, one sentence each.
@@ -62,7 +61,8 @@ pub fn check(document: &Document, scene: &Scene, kept: bool, out: &Path) -> Resu
 
 /// Writes `document` with `lightmaps` bound to it: a `.gltf` with files beside it, or, by any other name, a GLB.
 ///
-/// On failure no file is left or changed.
+/// All files are written under temporary names and renamed at the end, this one last: a failure before that leaves
+/// nothing behind and changes nothing. If the system refuses to rename one of several files, those before it stay.
 pub fn write(
     document: &Document,
     scene: &Scene,
@@ -72,13 +72,14 @@ pub fn write(
     options: &WriteOptions,
     out: &Path,
 ) -> Result<Remarks> {
-    let glb = !companions::is_gltf(out);
+    let glb = !crate::files::has_extension(out, &["gltf"]);
     let mut store = Store::new(document);
     let mut files = Files::beside(out, &document.path, &document.json)?;
     bind::unbind(&mut store);
     let mut said = if atlas.kept { Remarks::default() } else { vertices::lay_out(&mut store, scene, atlas)? };
+    let baked_lights = lights::baked(scene, lightmaps.content);
     if options.strip_lights {
-        lights::strip(&mut store.json, &options.baked_lights);
+        lights::strip(&mut store.json, &baked_lights);
     }
     said.warnings.extend(companions::bring(&mut store, &mut files, glb)?);
 
@@ -86,11 +87,11 @@ pub fn write(
     let uris = if !glb || options.sidecar { add_pages(&pages, &mut files)? } else { Vec::new() };
     let rectangles = bind::rectangles(scene, atlas, &mut said.warnings);
     if options.sidecar {
-        let root = bind::root_data(lightmaps, &uris, report, options);
+        let root = bind::root_data(lightmaps, &uris, report, &baked_lights);
         files.add(".lightmap.json", &sidecar(root, scene, &rectangles))?;
     }
     let places = if glb { embed_pages(pages, &mut store) } else { uris };
-    let root = bind::root_data(lightmaps, &places, report, options);
+    let root = bind::root_data(lightmaps, &places, report, &baked_lights);
     said.notes.extend(bind::bind(&mut store.json, root, &rectangles));
     if glb { container::write_glb(store, files, out) } else { container::write_gltf(store, files, out) }?;
     Ok(said)
@@ -115,8 +116,9 @@ fn embed_pages(pages: Vec<Encoded>, store: &mut Store) -> Vec<(&'static str, Val
 
 /// The lightmap without the scene: the root's data and each node's rectangle.
 fn sidecar(root: Value, scene: &Scene, rectangles: &[(u32, crate::atlas::Placement)]) -> Vec<u8> {
+    let names: HashMap<u32, &str> = scene.instances.iter().rev().map(|i| (i.node, i.name.as_str())).collect();
     let node = |(index, placement): &(u32, crate::atlas::Placement)| {
-        let name = scene.instances.iter().find(|i| i.node == *index).map_or("", |i| &i.name);
+        let name = names.get(index).copied().unwrap_or_default();
         let mut node = vertices::object(json!({ "node": index, "name": name }));
         node.extend(vertices::object(bind::node_data(placement)));
         Value::from(node)

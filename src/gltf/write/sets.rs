@@ -46,16 +46,9 @@ pub fn repoint(json: &mut Value, moves: &BTreeMap<Place, u64>) -> Vec<String> {
         }
     }
     let mut notes = Vec::new();
-    let count = json.get("materials").and_then(Value::as_array).map_or(0, Vec::len);
-    for m in 0..count {
+    for (m, users) in users(json, moves) {
         if !names(&json["materials"][m], 1) {
             continue;
-        }
-        let mut users: BTreeMap<Option<u64>, Vec<Place>> = BTreeMap::new();
-        for place in places(json) {
-            if primitive(json, place).is_some_and(|p| materials(p).contains(&m)) {
-                users.entry(moves.get(&place).copied()).or_default().push(place);
-            }
         }
         let mut shared = users.contains_key(&None);
         let original = json["materials"][m].clone();
@@ -79,6 +72,17 @@ pub fn repoint(json: &mut Value, moves: &BTreeMap<Place, u64>) -> Vec<String> {
         }
     }
     notes
+}
+
+/// The primitives that use each material, by the set to which their set 1 moves.
+fn users(json: &Value, moves: &BTreeMap<Place, u64>) -> BTreeMap<usize, BTreeMap<Option<u64>, Vec<Place>>> {
+    let mut users: BTreeMap<usize, BTreeMap<Option<u64>, Vec<Place>>> = BTreeMap::new();
+    for place in places(json) {
+        for m in primitive(json, place).map(materials).unwrap_or_default() {
+            users.entry(m).or_default().entry(moves.get(&place).copied()).or_default().push(place);
+        }
+    }
+    users
 }
 
 fn note(index: usize, material: &Value, to: u64, copied: bool) -> String {

@@ -4,6 +4,7 @@
 use super::{
     Remarks,
     accessor::{self, Elements, UNSIGNED_INT, UNSIGNED_SHORT, uint},
+    bind,
     sets::{self, LIGHTMAP, Place},
     store::Store,
 };
@@ -19,6 +20,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Vertex data (bufferView.target).
 pub const ARRAY_BUFFER: u32 = 34962;
+/// Compression of a primitive, beside its plain data.
+const DRACO: &str = "KHR_draco_mesh_compression";
 /// Vertex indices (bufferView.target).
 pub const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
@@ -47,7 +50,7 @@ pub fn lay_out(store: &mut Store, scene: &Scene, atlas: &Atlas) -> Result<Remark
     let moves = parts.iter().filter_map(|p| Some((p.place, sets::refuge(json, sets::primitive(json, p.place)?)?)));
     let moves: BTreeMap<Place, u64> = moves.collect();
     let warnings = parts.iter().filter_map(|p| p.doubt(json)).collect();
-    let (mut arrays, mut dropped) = (Vec::new(), BTreeSet::new());
+    let (mut arrays, mut dropped, mut twins) = (Vec::new(), BTreeSet::new(), BTreeSet::new());
     for part in &parts {
         let bare = sets::primitive(&store.json, part.place).is_some_and(|p| lacks_first_set(&store.json, p));
         let moved = moves.get(&part.place).copied();
@@ -55,14 +58,37 @@ pub fn lay_out(store: &mut Store, scene: &Scene, atlas: &Atlas) -> Result<Remark
         let document = store.document();
         let primitive = sets::primitive_mut(&mut store.json, part.place).ok_or_else(|| part.broken(document))?;
         dropped.extend(found.detach(primitive, part.split.is_some()));
+        twins.extend(drop_twin(primitive));
         arrays.extend(found.new);
     }
     let notes = sets::repoint(&mut store.json, &moves);
     store.free_accessors(&dropped);
+    if !twins.is_empty() {
+        store.free_views(&twins);
+        if !primitives(&store.json).any(|p| p["extensions"].get(DRACO).is_some()) {
+            bind::unlist(&mut store.json, DRACO);
+        }
+    }
     for array in arrays {
         array.attach(store);
     }
     Ok(Remarks { warnings, notes })
+}
+
+/// Takes the compressed twin of a primitive's data away, which lacks what the primitive has gained; returns its view.
+fn drop_twin(primitive: &mut Map<String, Value>) -> Option<usize> {
+    let extensions = primitive.get_mut("extensions")?.as_object_mut()?;
+    let twin = extensions.shift_remove(DRACO)?;
+    if extensions.is_empty() {
+        primitive.shift_remove("extensions");
+    }
+    uint(&twin["bufferView"])
+}
+
+/// All primitives of a document.
+fn primitives(json: &Value) -> impl Iterator<Item = &Value> {
+    let meshes = json.get("meshes").and_then(Value::as_array).into_iter().flatten();
+    meshes.filter_map(|m| m.get("primitives")?.as_array()).flatten()
 }
 
 /// True if TEXCOORD_0 is missing, or a copy of the lightmap's set that an earlier bake made and nothing reads.
@@ -141,7 +167,7 @@ impl<'a> Part<'a> {
 
     /// A warning if the vertices change and an extension may number them.
     fn doubt(&self, json: &Value) -> Option<String> {
-        const SAFE: [&str; 3] = ["KHR_materials_variants", "EXT_mesh_features", "EXT_structural_metadata"];
+        const SAFE: [&str; 4] = [DRACO, "KHR_materials_variants", "EXT_mesh_features", "EXT_structural_metadata"];
         self.split.as_ref()?;
         let extensions = sets::primitive(json, self.place)?.get("extensions")?.as_object()?;
         let doubtful: Vec<&str> = extensions.keys().map(String::as_str).filter(|k| !SAFE.contains(k)).collect();
