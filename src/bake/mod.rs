@@ -72,9 +72,9 @@ pub fn bake<'s>(scene: &'s Scene, options: &Options, observer: &dyn Observer) ->
     let mut r = Report::default();
     let mut clock = Clock::start();
 
-    plan::refuse(scene, &options.atlas, None)?;
+    plan::refuse(scene, options, None)?;
     let atlas = clock.time("atlas", || atlas::unwrap(scene, &options.atlas, &scene.file, observer, &mut r.warnings))?;
-    plan::refuse(scene, &options.atlas, Some(&atlas))?;
+    plan::refuse(scene, options, Some(&atlas))?;
     let world = World::new(scene);
     let coverage = clock.time("coverage", || Coverage::new(&world, &atlas));
     plan::announce(scene, &atlas, &coverage, options, observer)?;

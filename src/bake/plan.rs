@@ -20,20 +20,28 @@ use std::collections::HashSet;
 const BYTES_A_TEXEL: u64 = 300;
 const BYTES_A_TRIANGLE: u64 = 250;
 const BYTES_A_PIXEL: u64 = 40;
+/// For each ray of a back.
+const BYTES_A_BACK: u64 = 4;
 
 /// What to change when memory does not suffice.
 const REMEDY: &str = "lower --resolution or --texels-per-meter, or --rays";
 
 /// Refuses a scene or an atlas, to be or made, that would not fit before anything large is made of it.
-pub(super) fn refuse(scene: &Scene, options: &atlas::Options, atlas: Option<&Atlas>) -> Result<()> {
-    let pixels = atlas.map_or_else(|| atlas::least_texels(scene, options), pixels);
+pub(super) fn refuse(scene: &Scene, options: &Options, atlas: Option<&Atlas>) -> Result<()> {
+    let pixels = atlas.map_or_else(|| atlas::least_texels(scene, &options.atlas), pixels);
     // Where a density is wished for, pages are cropped to what is covered.
-    let texels = if matches!(options.density, Density::TexelsPerMeter(_)) && atlas.is_none() { pixels } else { 0 };
+    let texels =
+        if matches!(options.atlas.density, Density::TexelsPerMeter(_)) && atlas.is_none() { pixels } else { 0 };
     if pixels > u64::from(u32::MAX) {
         return Err(Error::Usage(format!("{pixels} texels are more than an atlas can hold\n  {REMEDY}")));
     }
-    let need = triangles(scene) * BYTES_A_TRIANGLE + pixels * BYTES_A_PIXEL + texels * BYTES_A_TEXEL;
+    let need = triangles(scene) * BYTES_A_TRIANGLE + pixels * BYTES_A_PIXEL + texels * bytes_a_texel(options);
     memory::fits(need >> 20, memory::free_mb(), REMEDY)
+}
+
+/// With the row of its front.
+fn bytes_a_texel(options: &Options) -> u64 {
+    BYTES_A_TEXEL + u64::from(options.transport.rays) * options.transport.bytes_a_ray()
 }
 
 fn triangles(scene: &Scene) -> u64 {
@@ -56,9 +64,9 @@ pub(super) fn announce(
     let rays = texels * u64::from(options.transport.rays);
     // Backs double the rows at worst.
     let sheets = scene.materials.iter().any(|m| m.double_sided);
-    let rows = rays * options.transport.bytes_a_ray() * if sheets { 2 } else { 1 };
-    let rest = texels * BYTES_A_TEXEL + triangles(scene) * BYTES_A_TRIANGLE + pixels(atlas) * BYTES_A_PIXEL;
-    let need_mb = (rows + rest) >> 20;
+    let backs = if sheets { rays * BYTES_A_BACK } else { 0 };
+    let rest = texels * bytes_a_texel(options) + triangles(scene) * BYTES_A_TRIANGLE + pixels(atlas) * BYTES_A_PIXEL;
+    let need_mb = (backs + rest) >> 20;
     let pages = atlas.pages.iter().filter(|p| !p.hidden).count();
     let free_mb = memory::free_mb();
     // Textures are there already: what is free is free beside them.
@@ -228,7 +236,8 @@ mod tests {
 
     #[test]
     fn a_page_beyond_memory_is_refused_before_it_is_packed() {
-        let resolution = |n| atlas::Options { density: Density::Resolution(n), ..atlas::Options::default() };
+        let atlas = |n| atlas::Options { density: Density::Resolution(n), ..atlas::Options::default() };
+        let resolution = |n| Options { atlas: atlas(n), ..Options::default() };
         assert!(refuse(&Scene::default(), &resolution(64), None).is_ok());
         // 40 GB for the pixels alone.
         let refused = refuse(&Scene::default(), &resolution(32768), None).is_err();

@@ -101,7 +101,7 @@ struct Shooter<'a> {
     tracer: &'a Tracer<'a>,
     coverage: &'a Coverage,
     rays: usize,
-    /// Whether the places at which rays end are kept.
+    /// Whether the places at which rays of fronts end are kept.
     keep: bool,
     /// Where rays that escape end.
     far: f32,
@@ -247,6 +247,7 @@ impl<'a> Shooter<'a> {
         if observer.cancelled() {
             return done;
         }
+        let keep = self.keep && !back;
         let receivers = self.receivers(texels, back);
         let (mut rays, mut hits) = (Vec::new(), vec![None; receivers.len()]);
         let mut ends = Vec::with_capacity(texels.len() * self.rays);
@@ -260,7 +261,7 @@ impl<'a> Shooter<'a> {
                 let end = self.end(ray, hit, &mut done.stats);
                 ends.push(end.column.unwrap_or(OPEN));
                 match end.column {
-                    Ok(_) if self.keep => rows[i].see(ray.origin, end.spot),
+                    Ok(_) if keep => rows[i].see(ray.origin, end.spot),
                     Ok(_) => {}
                     Err(seen) => {
                         rows[i].behind.push(Behind { place: self.point(&receivers[i], k).place, seen, spot: end.spot })
@@ -272,7 +273,7 @@ impl<'a> Shooter<'a> {
             row.columns.extend(ends[i..].iter().step_by(receivers.len()).filter(|&&column| column != OPEN));
             self.complete(receiver, row, &mut done);
             row.push_to(&mut done.block);
-            if self.keep {
+            if keep {
                 let normal = receiver.surface(Vec2::splat(0.5)).normal;
                 done.eyes.push(Eye { position: row.origins / row.columns.len().max(1) as f32, normal });
             }
@@ -343,7 +344,7 @@ impl<'a> Shooter<'a> {
                 match column {
                     Ok(column) => {
                         row.columns.push(column);
-                        if self.keep {
+                        if self.keep && !receiver.back {
                             row.see(ray.origin, spot);
                         }
                     }
@@ -367,7 +368,7 @@ impl<'a> Shooter<'a> {
         for b in behind.iter().zip(enclosed).filter(|(_, enclosed)| !enclosed).map(|(b, _)| b) {
             row.open += 1;
             row.columns.push(self.column(b.seen, stats));
-            if self.keep {
+            if self.keep && !receiver.back {
                 row.see(receiver.surface(b.place).lifted(), b.spot);
             }
         }
