@@ -17,10 +17,12 @@ use glam::{Vec2, Vec3};
 /// Most triangles of a cut that are worth their closed form though they are not near.
 const EXACT: usize = 16;
 /// An inner node is opened while its radius exceeds this share of its distance.
-const OPEN: f32 = 0.25;
-/// A textured emitter's edge is seen as that many parts.
+const OPEN: f32 = 0.5;
+/// A triangle is near if its radius and the texel's exceed this share of its distance.
+const NEAR: f32 = 0.25;
+/// A patterned emitter's edge is seen as that many parts.
 const TEXTURE_PARTS: f32 = 8.0;
-/// Points at which a textured emitter is averaged.
+/// Points at which a patterned emitter is averaged.
 const TEXTURE_POINTS: u32 = 64;
 
 /// All emitting triangles.
@@ -38,7 +40,9 @@ struct Emitter {
     area: f32,
     /// Mean radiance L.
     radiance: Vec3,
-    /// Length, in texture coordinates, over which the emission texture is averaged; 0 without one.
+    /// True if radiance differs from point to point.
+    patterned: bool,
+    /// Length, in texture coordinates, over which textures are averaged.
     footprint: f32,
     two_sided: bool,
     instance: usize,
@@ -207,7 +211,7 @@ impl Emitters {
         if cos <= 0.0 || cos_e <= 0.0 || direction.dot(p.face) <= 0.0 {
             return None;
         }
-        let radiance = if e.footprint > 0.0 { e.radiance_at(scene, bary) } else { e.radiance };
+        let radiance = if e.patterned { e.radiance_at(scene, bary) } else { e.radiance };
         let geometry = cos * cos_e * e.area / (distance * distance * p.kept());
         let weight = geometry * ((end - begin) / power) as f32;
         Some(Sample { direction, distance, irradiance: radiance * weight, mean: e.radiance * weight })
@@ -219,6 +223,7 @@ impl Emitter {
         let corners = world.corners(instance, local);
         let cross = world.cross(instance, &corners);
         let mesh = world.mesh(instance);
+            patterned: material.emission_texture.is_some() || material.has_holes(),
         let material = &world.scene.materials[mesh.primitives[mesh.primitive_of(local)].material as usize];
         let mut e = Emitter {
             corners,
@@ -230,7 +235,7 @@ impl Emitter {
             instance,
             local,
         };
-        if e.footprint > 0.0 {
+        if e.patterned {
             let bary = |i: u32| {
                 let [x, y, ..] = sobol_burley::sample_4d(i, 0, 0x656d_6974);
                 Vec2::new(x.sqrt() * (1.0 - y), x.sqrt() * y)
@@ -248,8 +253,18 @@ impl Emitter {
         }
         let cross = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
         let (normal, area) = (cross.normalize_or_zero(), cross.length() * 0.5);
-        let e = Emitter { corners, normal, area, radiance, footprint: 0.0, two_sided: false, instance: 0, local: 0 };
-        (area > 0.0).then_some(e)
+        let (patterned, footprint, two_sided) = (false, 0.0, false);
+        (area > 0.0).then_some(Emitter {
+            corners,
+            normal,
+            area,
+            radiance,
+            patterned,
+            footprint,
+            two_sided,
+            instance: 0,
+            local: 0,
+        })
     }
 
     fn power(&self) -> f32 {
@@ -278,63 +293,13 @@ impl Emitter {
     }
 }
 
-/// Edge of a square as large as the triangle in the emission texture (or the one that cuts holes); 0 without a texture.
+/// Edge of a square as large as the triangle in the emission texture (or the one that cuts holes); 0 without a texture,
+/// or where all of it reads one point or line.
 fn texture_extent(mesh: &Mesh, material: &Material, local: u32) -> f32 {
     let slot = material.emission_texture.as_ref().or(material.base_texture.as_ref().filter(|_| material.has_holes()));
     let Some(set) = slot.and_then(|r| mesh.uvs.get(r.set as usize)).filter(|set| !set.is_empty()) else { return 0.0 };
     let [a, b, c] = mesh.triangles[local as usize].map(|v| set[v as usize]);
     (b - a).perp_dot(c - a).abs().sqrt()
-}
-
-/// A clipped triangle around the origin.
-struct Corners {
-    at: [Vec3; 6],
-    count: usize,
-}
-
-impl Corners {
-    fn new(t: [Vec3; 3]) -> Self {
-        let mut at = [Vec3::ZERO; 6];
-        at[..3].copy_from_slice(&t);
-        Corners { at, count: 3 }
-    }
-
-    /// Keeps what lies on the positive side of the plane through the origin.
-    fn clip(&mut self, normal: Vec3) {
-        let mut out = Corners { at: [Vec3::ZERO; 6], count: 0 };
-        let mut push = |c: Vec3| {
-            if out.count < 6 {
-                out.at[out.count] = c;
-                out.count += 1;
-            }
-        };
-        for i in 0..self.count {
-            let (a, b) = (self.at[(i + self.count - 1) % self.count], self.at[i]);
-            let (da, db) = (a.dot(normal), b.dot(normal));
-            if (da > 0.0) != (db > 0.0) {
-                push(a + (b - a) * (da / (da - db)));
-            }
-            if db > 0.0 {
-                push(b);
-            }
-        }
-        *self = out;
-    }
-
-    /// Half the sum over the edges of the angle they span times the cosine of its plane, seen from the origin.
-    fn edge_sum(&self, normal: Vec3) -> f32 {
-        let mut sum = 0f64;
-        for i in 0..self.count {
-            let (a, b) = (self.at[i].as_dvec3(), self.at[(i + 1) % self.count].as_dvec3());
-            let cross = a.cross(b);
-            let sin = cross.length();
-            if sin > 0.0 {
-                // The arctangent stays exact where the arccosine of nearly parallel edges does not.
-                sum += libm::atan2(sin, a.dot(b)) * cross.dot(normal.as_dvec3()) / sin;
-            }
-        }
-        (0.5 * sum) as f32
-    }
 }
 
 /// Splits at the median of the longest axis; children follow their parent.
