@@ -7,7 +7,9 @@
 //! ([`Bounce`]).
 
 mod bright;
+mod disc;
 mod emitters;
+mod lambert;
 mod measure;
 mod punctual;
 mod sky;
@@ -82,11 +84,6 @@ impl<'s> Sources<'s> {
     fn reflecting(tracer: &Tracer<'s>, coverage: &Coverage, patches: &Patches, bright: &bright::Bright) -> Self {
         let emitters = emitters::Emitters::of_patches(&tracer.world, coverage, patches, &bright.exitance);
         Sources { scene: tracer.world.scene, lights: &[], emitters, peaks: None, faint: bright.mean, gathered: false }
-    }
-
-    /// Number of triangles that are sampled as emitters.
-    pub fn emitting_triangles(&self) -> usize {
-        self.emitters.len()
     }
 }
 
