@@ -18,6 +18,7 @@ use luxel::{
 };
 use std::path::PathBuf;
 
+/// Of which neighbours use each other's.
 const RAYS: u32 = 256;
 
 #[test]

@@ -90,7 +90,7 @@ pub fn bake<'s>(scene: &'s Scene, options: &Options, observer: &dyn Observer) ->
         Radiosity::solve(&transport, &patches, &direct, &sky, sources.gathered, &options.radiosity, observer)
     })?;
     r.energy = energy::balance(&patches, &transport, &direct, &sky, &radiosity);
-    if options.transport.shares() {
+    if options.transport.shares(coverage.texels.len()) {
         clock.time("reuse", || radiosity.reuse(&transport, &tracer, &coverage, &patches, &direct, observer))?;
     }
     let lightmaps = clock.time("lightmaps", || {

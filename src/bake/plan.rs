@@ -35,13 +35,13 @@ pub(super) fn refuse(scene: &Scene, options: &Options, atlas: Option<&Atlas>) ->
     if pixels > u64::from(u32::MAX) {
         return Err(Error::Usage(format!("{pixels} texels are more than an atlas can hold\n  {REMEDY}")));
     }
-    let need = triangles(scene) * BYTES_A_TRIANGLE + pixels * BYTES_A_PIXEL + texels * bytes_a_texel(options);
+    let need = triangles(scene) * BYTES_A_TRIANGLE + pixels * BYTES_A_PIXEL + texels * bytes_a_texel(options, texels);
     memory::fits(need >> 20, memory::free_mb(), REMEDY)
 }
 
 /// With the row of its front.
-fn bytes_a_texel(options: &Options) -> u64 {
-    BYTES_A_TEXEL + u64::from(options.transport.rays) * options.transport.bytes_a_ray()
+fn bytes_a_texel(options: &Options, texels: u64) -> u64 {
+    BYTES_A_TEXEL + u64::from(options.transport.rays) * options.transport.bytes_a_ray(texels as usize)
 }
 
 fn triangles(scene: &Scene) -> u64 {
@@ -65,7 +65,8 @@ pub(super) fn announce(
     // Backs double the rows at worst.
     let sheets = scene.materials.iter().any(|m| m.double_sided);
     let backs = if sheets { rays * BYTES_A_BACK } else { 0 };
-    let rest = texels * bytes_a_texel(options) + triangles(scene) * BYTES_A_TRIANGLE + pixels(atlas) * BYTES_A_PIXEL;
+    let rest =
+        texels * bytes_a_texel(options, texels) + triangles(scene) * BYTES_A_TRIANGLE + pixels(atlas) * BYTES_A_PIXEL;
     let need_mb = (backs + rest) >> 20;
     let pages = atlas.pages.iter().filter(|p| !p.hidden).count();
     let free_mb = memory::free_mb();

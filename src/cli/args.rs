@@ -79,8 +79,8 @@ pub struct Bake {
     #[arg(long, value_name = "GLOB", help_heading = "Size", value_parser = values::glob)]
     pub exclude: Vec<String>,
 
-    /// Rays a texel for indirect light, 1 to 65536. Up to 64, neighbours use each other's rays, which is worth about
-    /// eight times as many
+    /// Rays a texel for indirect light, 1 to 65536. Up to 64, and up to 2^26 in all, neighbours use each other's rays,
+    /// which is worth four to eight times as many
     #[arg(long, value_name = "N", help_heading = "Effort", default_value = "64",
           value_parser = RangedU64ValueParser::<u32>::new().range(1..=65536), allow_negative_numbers = true)]
     pub rays: u32,

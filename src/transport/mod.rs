@@ -37,7 +37,8 @@ pub struct Transport {
 pub struct Options {
     /// Rays a row, 1..=65536. Default: 64.
     pub rays: u32,
-    /// Whether neighbours use each other's rays in the last gather, if rows have at most 64. Default: true.
+    /// Whether neighbours use each other's rays in the last gather, if rows have at most 64 rays or all together at most
+    /// 2^26. Default: true.
     pub reuse: bool,
 }
 
@@ -53,19 +54,20 @@ impl Options {
         Options { rays, ..Options::default() }
     }
 
-    /// True if neighbours use each other's rays: with many of their own they gain little, and every ray takes 16 bytes.
-    pub fn shares(&self) -> bool {
-        self.reuse && self.rays <= SHARED
+    /// True if neighbours use each other's rays, each of which takes 16 bytes then: with many rays it would be too many.
+    pub fn shares(&self, texels: usize) -> bool {
+        self.reuse && (self.rays <= SHARED || texels as u64 * u64::from(self.rays) <= SHARED_IN_ALL)
     }
 
     /// Bytes that are kept of a ray.
-    pub fn bytes_a_ray(&self) -> u64 {
-        if self.shares() { 16 } else { 4 }
+    pub fn bytes_a_ray(&self, texels: usize) -> u64 {
+        if self.shares(texels) { 16 } else { 4 }
     }
 }
 
-/// Most rays of a row that neighbours may use.
+/// Rays of a row, and of all rows, that neighbours use.
 const SHARED: u32 = 64;
+const SHARED_IN_ALL: u64 = 1 << 26;
 
 /// A receiver as its neighbours see it.
 #[derive(Clone, Copy, Debug)]

@@ -183,7 +183,7 @@ impl<'a> Shooter<'a> {
             tracer,
             coverage,
             rays: rays as usize,
-            keep: options.shares(),
+            keep: options.shares(coverage.texels.len()),
             far: FAR * tracer.reach(),
             table: PointTable::new(rays as usize, 0x7261_7973).by_direction(),
             again: PointTable::new(rays as usize, 0x6167_6169),

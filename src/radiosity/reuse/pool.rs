@@ -17,8 +17,10 @@ use crate::{
 };
 use glam::Vec3;
 
-/// A receiver whose weights sum to more or less than 1 by this does not see what the others see.
-const APART: f32 = 0.1;
+/// A receiver whose weights sum to more or less than 1 by this, and by what chance may do, does not see what the others
+/// see. By chance: this over the root of its number of rays.
+const APART: f32 = 0.02;
+const CHANCE: f32 = 0.5;
 /// Added to D: a ray that nobody could have found counts for nothing.
 const NOBODY: f32 = 1e-20;
 
@@ -150,7 +152,7 @@ impl Task for Share<'_> {
                 let weight = total(sums[3]);
                 let sum = Vec3::new(total(sums[0]), total(sums[1]), total(sums[2]));
                 received.push(if *shares && weight > 0.0 { Some(sum / weight) } else { None });
-                if *shares && (weight / member.rays - 1.0).abs() > APART {
+                if *shares && (weight / member.rays - 1.0).abs() > APART + CHANCE / member.rays.sqrt() {
                     *shares = false;
                     left = true;
                 }
