@@ -72,8 +72,8 @@ impl Peaks {
         let (corner, radiance) = self.texels[k];
         let before = if k == 0 { 0.0 } else { self.cumulative[k - 1] };
         let power = self.cumulative[k] - before;
-        let inside = Vec2::new((((at - before) / power) as f32).clamp(0.0, 1.0), u.y);
-        let direction = self.map.direction(corner + inside * self.size);
+        let inside = (((at - before) / power) as f32).clamp(0.0, 1.0);
+        let direction = self.map.direction(Vec2::new(corner.x + inside * self.size.x, self.row(corner.y, u.y)));
         let cos = direction.dot(p.normal);
         if cos <= 0.0 || direction.dot(p.face) <= 0.0 {
             return None;
@@ -81,6 +81,14 @@ impl Peaks {
         // The texel is chosen by luminance times solid angle, the direction evenly inside it.
         let irradiance = radiance / luminance(radiance).max(1e-20) * (total as f32 * cos / p.kept());
         Some(Aim { direction, distance: f32::INFINITY, irradiance })
+    }
+
+    /// Picture coordinate inside the row at `top`, evenly in solid angle: the height is linear in the share.
+    fn row(&self, top: f32, share: f32) -> f32 {
+        use std::f64::consts::PI;
+        let height = |v: f32| libm::cos(PI * f64::from(v));
+        let (a, b) = (height(top), height(top + self.size.y));
+        (libm::acos((a + (b - a) * f64::from(share)).clamp(-1.0, 1.0)) / PI) as f32
     }
 }
 

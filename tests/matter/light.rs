@@ -130,6 +130,18 @@ fn peaks_and_smooth_sky_sum_to_the_picture() {
     }
 }
 
+/// One bright texel at the zenith, or above the horizon, of a picture of few rows.
+#[test]
+fn a_peak_in_a_coarse_sky_is_spread_evenly() {
+    for (size, row) in [(uvec2(8, 4), 0), (uvec2(8, 4), 1), (uvec2(16, 8), 0)] {
+        let mut stage = Stage::new();
+        let floor = plane(&mut stage, Vec3::ZERO, 1.0, 4);
+        let sky = map(size, 0.3, |x, y| if (x, y) == (1, row) { 64.0 } else { 0.0 });
+        stage.scene.sky = Sky::Map(sky.clone());
+        close(&format!("row {row} of {size}"), mean(&shoot(stage, 1024), floor), integral(&sky, DVec3::Y), 0.01);
+    }
+}
+
 /// A room with two lights, of which the second is baked as `wish`; its map.
 fn lamps(wish: Bake, content: Content) -> Vec<DVec3> {
     let mut stage = Stage::new();
