@@ -18,9 +18,9 @@ use glam::{Vec2, Vec3};
 const EXACT: usize = 16;
 /// An inner node is opened while its radius exceeds this share of its distance.
 const OPEN: f32 = 0.25;
-/// A textured emitter's edge is seen as that many parts.
+/// A patterned emitter's edge is seen as that many parts.
 const TEXTURE_PARTS: f32 = 8.0;
-/// Points at which a textured emitter is averaged.
+/// Points at which a patterned emitter is averaged.
 const TEXTURE_POINTS: u32 = 64;
 
 /// All emitting triangles.
@@ -38,7 +38,9 @@ struct Emitter {
     area: f32,
     /// Mean radiance L.
     radiance: Vec3,
-    /// Length, in texture coordinates, over which the emission texture is averaged; 0 without one.
+    /// True if radiance differs from point to point.
+    patterned: bool,
+    /// Length, in texture coordinates, over which textures are averaged.
     footprint: f32,
     two_sided: bool,
     instance: usize,
@@ -207,7 +209,7 @@ impl Emitters {
         if cos <= 0.0 || cos_e <= 0.0 || direction.dot(p.face) <= 0.0 {
             return None;
         }
-        let radiance = if e.footprint > 0.0 { e.radiance_at(scene, bary) } else { e.radiance };
+        let radiance = if e.patterned { e.radiance_at(scene, bary) } else { e.radiance };
         let geometry = cos * cos_e * e.area / (distance * distance * p.kept());
         let weight = geometry * ((end - begin) / power) as f32;
         Some(Sample { direction, distance, irradiance: radiance * weight, mean: e.radiance * weight })
@@ -225,12 +227,13 @@ impl Emitter {
             normal: cross.normalize_or_zero(),
             area: cross.length() * 0.5,
             radiance: material.emission,
+            patterned: material.emission_texture.is_some() || material.has_holes(),
             footprint: texture_extent(mesh, material, local) / TEXTURE_PARTS,
             two_sided: material.double_sided,
             instance,
             local,
         };
-        if e.footprint > 0.0 {
+        if e.patterned {
             let bary = |i: u32| {
                 let [x, y, ..] = sobol_burley::sample_4d(i, 0, 0x656d_6974);
                 Vec2::new(x.sqrt() * (1.0 - y), x.sqrt() * y)
@@ -248,8 +251,18 @@ impl Emitter {
         }
         let cross = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
         let (normal, area) = (cross.normalize_or_zero(), cross.length() * 0.5);
-        let e = Emitter { corners, normal, area, radiance, footprint: 0.0, two_sided: false, instance: 0, local: 0 };
-        (area > 0.0).then_some(e)
+        let (patterned, footprint, two_sided) = (false, 0.0, false);
+        (area > 0.0).then_some(Emitter {
+            corners,
+            normal,
+            area,
+            radiance,
+            patterned,
+            footprint,
+            two_sided,
+            instance: 0,
+            local: 0,
+        })
     }
 
     fn power(&self) -> f32 {
@@ -278,7 +291,8 @@ impl Emitter {
     }
 }
 
-/// Edge of a square as large as the triangle in the emission texture (or the one that cuts holes); 0 without a texture.
+/// Edge of a square as large as the triangle in the emission texture (or the one that cuts holes); 0 without a texture,
+/// or where all of it reads one point or line.
 fn texture_extent(mesh: &Mesh, material: &Material, local: u32) -> f32 {
     let slot = material.emission_texture.as_ref().or(material.base_texture.as_ref().filter(|_| material.has_holes()));
     let Some(set) = slot.and_then(|r| mesh.uvs.get(r.set as usize)).filter(|set| !set.is_empty()) else { return 0.0 };

@@ -10,11 +10,11 @@ use crate::{
     },
     corners, greys, mean, part, plane,
 };
-use glam::{DVec3, UVec2, Vec3, dvec3, uvec2, vec3};
+use glam::{DVec3, UVec2, Vec2, Vec3, dvec3, uvec2, vec2, vec3};
 use luxel::{
     bake::Options,
     lightmaps::Content,
-    scene::{Bake, LightKind, Material, Sky, SkyMap},
+    scene::{Alpha, Bake, LightKind, Material, Sky, SkyMap},
 };
 use std::f64::consts::TAU;
 
@@ -219,6 +219,50 @@ fn a_bright_spot_of_a_texture_emits_its_power() {
         let expected = 100.0 * PI * factor(1.0, &part(down, range(at.x, 4), range(at.y, 5)));
         close(&format!("spot at {at}"), mean(&shot, floor), expected, 0.05);
     }
+}
+
+/// A panel of 1 m, 1.5 m over a black plane of 2 m, whose texture coordinates are `uv` of those of its chart, beside
+/// that of plain `emission`: mean irradiance of the planes.
+fn panels(material: impl Fn(&mut Stage) -> Material, uv: impl Fn(Vec2) -> Vec2, emission: f32) -> [f64; 2] {
+    [true, false].map(|wanted| {
+        let mut stage = Stage::new();
+        let floor = plane(&mut stage, Vec3::ZERO, 2.0, 8);
+        let glow = if wanted { material(&mut stage) } else { Material { emission: Vec3::splat(emission), ..black() } };
+        let glow = stage.add(glow);
+        let lamp = rectangle(&mut stage, glow, [vec3(-0.5, 1.5, -0.5), Vec3::X, Vec3::Z], UVec2::splat(8));
+        stage.paint(lamp);
+        stage.scene.meshes[lamp].uvs[0].iter_mut().for_each(|p| *p = uv(*p));
+        mean(&shoot(stage, 256), floor)
+    })
+}
+
+#[test]
+fn a_palettes_colour_is_what_shines() {
+    let half = |stage: &mut Stage| {
+        let half = stage.picture(uvec2(64, 1), |x, _| if x < 32 { [0, 0, 0, 255] } else { [255; 4] });
+        Material { emission: Vec3::ONE, emission_texture: Some(half), ..black() }
+    };
+    // All of it reads one point of the dark or of the bright half, or one line across both.
+    let [dark, _] = panels(half, |_| vec2(0.25, 0.5), 1.0);
+    assert_eq!(dark, 0.0, "a black lamp");
+    let [bright, plain] = panels(half, |_| vec2(0.75, 0.5), 1.0);
+    close("a white lamp", bright, plain, 0.01);
+    let [across, plain] = panels(half, |p| vec2(p.x, 0.5), 0.5);
+    close("half a lamp", across, plain, 0.05);
+}
+
+#[test]
+fn what_passes_through_a_lamp_is_not_emitted() {
+    let base_color = Vec3::ONE.extend(0.25);
+    let glow = || Material { emission: Vec3::ONE, ..black() };
+    let veil = |_: &mut Stage| Material { base_color, alpha: Alpha::Blend, ..glow() };
+    let [got, expected] = panels(veil, |p| p, 0.25);
+    close("a veil", got, expected, 0.01);
+    let cutout = |_: &mut Stage| Material { base_color, alpha: Alpha::Mask(0.5), ..glow() };
+    assert_eq!(panels(cutout, |p| p, 1.0)[0], 0.0, "a hole shines");
+    let glass = |_: &mut Stage| Material { base_color: Vec3::ONE.extend(1.0), transmission: 0.6, ..glow() };
+    let [got, expected] = panels(glass, |p| p, 0.4);
+    close("glass", got, expected, 0.01);
 }
 
 /// A room with a window, furnished with a lamp; everything by face normals, one side.
