@@ -16,7 +16,7 @@ use luxel::{
     patches::Patches,
     progress::Silent,
     radiosity::{self, Radiosity, Solver},
-    scene::{LightKind, Sky, World},
+    scene::{LightKind, Material, Sky, World},
     trace::Tracer,
     transport::Transport,
 };
@@ -245,44 +245,66 @@ fn room_with_a_bright_spot(rho: f32, texels: u32) -> Stage {
     stage
 }
 
+/// What a bake finds on its way.
+struct Rooms {
+    patches: Patches,
+    transport: Transport,
+    direct: Direct,
+    sky: Vec<Vec3>,
+    gathered: bool,
+}
+
+impl Rooms {
+    fn new(mut stage: Stage, rays: u32) -> Self {
+        let (edge, _) = stage.lay_out();
+        let layout = atlas::Options { unwrap: Unwrap::Keep, density: Density::Resolution(edge), page_size: 8192 };
+        let scene = &stage.scene;
+        let atlas = atlas::unwrap(scene, &layout, &scene.file, &Silent, &mut Vec::new()).expect("a layout");
+        let world = World::new(scene);
+        let coverage = Coverage::new(&world, &atlas);
+        let tracer = Tracer::new(world);
+        let mut patches = Patches::new(&tracer.world, &coverage, 0.98);
+        let transport = Transport::measure(&tracer, &coverage, &mut patches, rays, &Silent).expect("rows");
+        let sources = Sources::new(&tracer, &patches);
+        let direct = Direct::measure(&tracer, &coverage, &patches, &sources, rays, &Silent).expect("direct light");
+        Rooms { sky: sky_cells(&scene.sky), gathered: sources.gathered, patches, transport, direct }
+    }
+
+    /// Indirect light of every patch, with this direct light.
+    fn indirect(&self, direct: &Direct, bounces: Option<u32>) -> Vec<f64> {
+        let options = radiosity::Options { bounces, ..radiosity::Options::default() };
+        let (sky, gathered) = (&self.sky, self.gathered);
+        let found = Radiosity::solve(&self.transport, &self.patches, direct, sky, gathered, &options, &Silent);
+        found.expect("a solution").indirect.iter().map(|e| grey(*e)).collect()
+    }
+
+    /// The same light, of which rows carry all that is reflected.
+    fn rows_alone(&self) -> Direct {
+        Direct { bounce: Bounce::default(), ..self.direct.clone() }
+    }
+}
+
 /// Light of the first bounce by samples and rows, against rows alone: the same but for the rows' own noise.
 #[test]
 fn what_bright_patches_reflect_is_counted_once() {
     let (rho, rays) = (0.7, 1024);
-    let mut stage = room_with_a_bright_spot(rho, 16);
-    let (edge, _) = stage.lay_out();
-    let layout = atlas::Options { unwrap: Unwrap::Keep, density: Density::Resolution(edge), page_size: 8192 };
-    let scene = &stage.scene;
-    let atlas = atlas::unwrap(scene, &layout, &scene.file, &Silent, &mut Vec::new()).expect("a layout");
-    let world = World::new(scene);
-    let coverage = Coverage::new(&world, &atlas);
-    let tracer = Tracer::new(world);
-    let mut patches = Patches::new(&tracer.world, &coverage, 0.98);
-    let transport = Transport::measure(&tracer, &coverage, &mut patches, rays, &Silent).expect("rows");
-    let sources = Sources::new(&tracer, &patches);
-    let both = Direct::measure(&tracer, &coverage, &patches, &sources, rays, &Silent).expect("direct light");
-    let rows_alone = Direct { bounce: Bounce::default(), ..both.clone() };
-    let sky = sky_cells(&scene.sky);
-    let indirect = |direct: &Direct, bounces| {
-        let options = radiosity::Options { bounces, ..radiosity::Options::default() };
-        let found = Radiosity::solve(&transport, &patches, direct, &sky, sources.gathered, &options, &Silent);
-        found.expect("a solution").indirect.iter().map(|e| grey(*e)).collect::<Vec<_>>()
-    };
+    let rooms = Rooms::new(room_with_a_bright_spot(rho, 16), rays);
+    let (both, rows_alone) = (&rooms.direct, rooms.rows_alone());
 
     // Variance of each patch's light from what is sampled, had independent rays found it.
     let sampled = |c: &u32| both.bounce.exitance.get(*c as usize).map_or(0.0, |m| grey(*m));
     let variance = |i: usize| {
-        let (columns, n) = (transport.rows.row(i).columns, f64::from(rays));
+        let (columns, n) = (rooms.transport.rows.row(i).columns, f64::from(rays));
         let [sum, squares] = [1, 2].map(|k| columns.iter().map(|c| sampled(c).powi(k)).sum::<f64>());
         (squares - sum * sum / n) / (n * n)
     };
-    let n = patches.len();
+    let n = rooms.patches.len();
     let variance: f64 = (0..n).map(variance).sum();
     let first: f64 = both.bounce.irradiance.iter().map(|e| grey(*e)).sum();
     assert!(first > 50.0 * libm::sqrt(variance), "noise {} hides {first}", libm::sqrt(variance));
 
     for bounces in [Some(0), Some(1), Some(2), Some(5), None] {
-        let [got, expected] = [&both, &rows_alone].map(|d| indirect(d, bounces));
+        let [got, expected] = [both, &rows_alone].map(|d| rooms.indirect(d, bounces));
         let (mut sum, mut squares) = (0.0, 0.0);
         for d in got.iter().zip(&expected).map(|(g, e)| g - e) {
             (sum, squares) = (sum + d, squares + d * d);
@@ -292,6 +314,32 @@ fn what_bright_patches_reflect_is_counted_once() {
         let sigma = libm::sqrt(variance) * later;
         assert!(sum.abs() <= 3.0 * sigma, "{bounces:?} bounces: off by {sum}, sigma {sigma}");
         assert!(squares <= sigma * sigma, "{bounces:?} bounces: RMS {}, sigma {sigma}", libm::sqrt(squares));
+    }
+}
+
+/// A pane in the sun that most light passes through, and a black wall beside it.
+#[test]
+fn what_a_bright_pane_reflects_is_counted_once() {
+    for (base, transmission) in [(0.5, 0.0), (0.9, 0.9)] {
+        let mut stage = Stage::new();
+        let black = stage.material(0.0, 0.0);
+        let base_color = Vec3::splat(base).extend(1.0);
+        let pane = stage.add(Material { base_color, transmission, ..Material::default() });
+        rectangle(&mut stage, pane, [vec3(-1.0, 0.0, 1.0), Vec3::X * 2.0, Vec3::NEG_Z * 2.0], UVec2::splat(16));
+        let wall = [vec3(-2.0, 0.05, -1.5), Vec3::X * 4.0, Vec3::Y * 2.0];
+        let wall = rectangle(&mut stage, black, wall, uvec2(32, 16));
+        rectangle(&mut stage, black, [vec3(-9.0, -2.0, 9.0), Vec3::X * 18.0, Vec3::NEG_Z * 18.0], UVec2::splat(16));
+        stage.light(LightKind::Directional { angle: 0.0 }, Vec3::ZERO, Vec3::NEG_Y, 10.0);
+        let texels = stage.sizes[wall].element_product() as usize;
+        let first = stage.sizes[0].element_product() as usize;
+        let rooms = Rooms::new(stage, 1024);
+        assert!(rooms.direct.bounce.irradiance.iter().any(|e| *e != Vec3::ZERO), "the pane is no bright patch");
+        let mean = |direct: &Direct| {
+            let found = rooms.indirect(direct, Some(1));
+            found[first..first + texels].iter().sum::<f64>() / texels as f64
+        };
+        let (got, expected) = (mean(&rooms.direct), mean(&rooms.rows_alone()));
+        assert!((got / expected - 1.0).abs() < 0.02, "transmission {transmission}: {got} instead of {expected}");
     }
 }
 

@@ -97,9 +97,9 @@ impl Emitters {
         for (i, m) in exitance.iter().enumerate().filter(|(_, m)| **m != Vec3::ZERO) {
             let (texel, back) = patches.texel(i);
             footprint.set(texel);
-            // Holes send nothing.
-            let solid = patches.area[i] / footprint.area().max(1e-30);
-            let radiance = *m * (solid * std::f32::consts::FRAC_1_PI);
+            // What rays pass through sends nothing.
+            let met = patches.area[i] / footprint.area().max(1e-30);
+            let radiance = *m * (met * std::f32::consts::FRAC_1_PI);
             triangles.extend(footprint.triangles().filter_map(|t| Emitter::piece(t, back, radiance)));
         }
         Self::grown(triangles)

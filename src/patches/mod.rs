@@ -21,7 +21,7 @@ use rayon::prelude::*;
 /// Structure of arrays, one entry a patch.
 #[derive(Clone, Debug, Default)]
 pub struct Patches {
-    /// World area without holes, m^2.
+    /// World area that rays meet, m^2: without holes and without the share that is let through.
     pub area: Vec<f32>,
     /// A point on the surface near the texel's middle.
     pub center: Vec<Vec3>,
@@ -160,12 +160,12 @@ fn front(
         let mesh = world.mesh(instance);
         let size = texture_footprint(world, coverage, p.triangle) / (MATERIAL_POINTS as f32).sqrt();
         let s = world.scene.surface(mesh, t, p.bary, size);
-        // Transmitted light is no hole: only what alpha cuts away does not count as surface.
-        let solid = if world.material(p.triangle).transmission > 0.0 { 1.0 } else { 1.0 - s.transmittance.x };
-        reflectance += s.reflectance * solid;
-        emission += s.emission * solid;
-        dielectric += s.dielectric * solid;
-        weight += solid;
+        // Rays meet this share of it. What it reflects and emits is counted for those that do.
+        let met = 1.0 - s.transmittance.element_sum() / 3.0;
+        reflectance += s.reflectance * met;
+        emission += s.emission * met;
+        dielectric += s.dielectric * met;
+        weight += met;
     }
     let mean = 1.0 / f32::max(weight, 1e-6);
     let (reflectance, emission) = (reflectance * mean, emission * mean);
