@@ -343,6 +343,21 @@ fn what_a_bright_pane_reflects_is_counted_once() {
     }
 }
 
+/// Passes over the few blocks of a long table would only repeat its points.
+#[test]
+fn the_most_rays_are_traced_once() {
+    let mut stage = Stage::new();
+    let black = stage.material(0.0, 0.0);
+    rectangle(&mut stage, black, [Vec3::ZERO, Vec3::Z, Vec3::X], UVec2::splat(4));
+    rectangle(&mut stage, black, [vec3(0.3, 0.5, 0.3), Vec3::Z, Vec3::X], UVec2::splat(4));
+    stage.light(LightKind::Directional { angle: 0.0 }, Vec3::ZERO, Vec3::NEG_Y, 1.0);
+    let rays = 32768;
+    let report = shoot(stage, rays).baked.report;
+    // Only the lower square has a shadow on it.
+    let most = 32 * 64 + 16 * 2 * u64::from(rays);
+    assert!(report.rays.shadow <= most, "{} shadow rays, at most {most}", report.rays.shadow);
+}
+
 #[test]
 fn power_of_a_bright_spot_is_kept() {
     let energy = shoot(room_with_a_bright_spot(0.7, 16), 1024).baked.report.energy;

@@ -138,7 +138,7 @@ impl Task<'_> {
             open = self.open_points(table, at, &on_surface);
             (&open[..], 1..1)
         } else {
-            (table.block(at.x, at.y, 0), 1..edge)
+            (table.block(at.x, at.y, 0), 1..edge.min(table.blocks()))
         };
         let edge_points = points.iter().chain(more.flat_map(|pass| table.block(at.x, at.y, pass)));
         if points.is_empty() {
@@ -197,7 +197,7 @@ impl Task<'_> {
     /// As many points as a block has, or all that few blocks give, that other geometry does not enclose.
     fn open_points(&self, table: &PointTable, at: UVec2, on_surface: &impl Fn(Vec2) -> SurfacePoint) -> Vec<Point> {
         let (mut open, mut enclosed, wish) = (Vec::new(), 0, table.block(at.x, at.y, 0).len());
-        for points in (0..BLOCKS).map(|pass| table.block(at.x, at.y, pass)) {
+        for points in (0..BLOCKS.min(table.blocks())).map(|pass| table.block(at.x, at.y, pass)) {
             let on_surface: Vec<SurfacePoint> = points.iter().map(|p| on_surface(p.place)).collect();
             let holds = self.enclosure.holds(&on_surface, at, Vec2::X, &mut enclosed);
             open.extend(points.iter().zip(holds).filter(|(_, enclosed)| !enclosed).map(|(p, _)| *p));

@@ -66,6 +66,11 @@ impl PointTable {
         (self.block as f32).sqrt().round() as usize
     }
 
+    /// Number of blocks: passes beyond it repeat.
+    pub fn blocks(&self) -> usize {
+        self.blocks
+    }
+
     /// The `pass`-th block for the texel at column `x`, row `y`.
     pub fn block(&self, x: u32, y: u32, pass: usize) -> &[Point] {
         let first = (y as usize % SIDE) * SIDE + x as usize % SIDE;
