@@ -247,6 +247,7 @@ fn room_with_a_bright_spot(rho: f32, texels: u32) -> Stage {
 
 /// What a bake finds on its way.
 struct Rooms {
+    coverage: Coverage,
     patches: Patches,
     transport: Transport,
     direct: Direct,
@@ -267,7 +268,7 @@ impl Rooms {
         let transport = Transport::measure(&tracer, &coverage, &mut patches, rays, &Silent).expect("rows");
         let sources = Sources::new(&tracer, &patches);
         let direct = Direct::measure(&tracer, &coverage, &patches, &sources, rays, &Silent).expect("direct light");
-        Rooms { sky: sky_cells(&scene.sky), gathered: sources.gathered, patches, transport, direct }
+        Rooms { sky: sky_cells(&scene.sky), gathered: sources.gathered, coverage, patches, transport, direct }
     }
 
     /// Indirect light of every patch, with this direct light.
@@ -341,6 +342,45 @@ fn what_a_bright_pane_reflects_is_counted_once() {
         let (got, expected) = (mean(&rooms.direct), mean(&rooms.rows_alone()));
         assert!((got / expected - 1.0).abs() < 0.02, "transmission {transmission}: {got} instead of {expected}");
     }
+}
+
+/// A black strip that a small lit wall shines on. A lit floor in the strip's own plane sends it nothing, and must not
+/// make it noisier.
+#[test]
+fn what_lies_in_a_texels_plane_takes_no_samples() {
+    let noise = |rho: f32| {
+        let mut stage = Stage::new();
+        let (black, white) = (stage.material(0.0, 0.0), stage.material(0.9, 0.0));
+        let floor = stage.material(rho, 0.0);
+        let flat = |o: Vec3, x: f32, z: f32| [o, Vec3::X * x, Vec3::NEG_Z * z];
+        let strip = rectangle(&mut stage, black, flat(Vec3::ZERO, 2.0, 0.5), uvec2(40, 10));
+        rectangle(&mut stage, floor, flat(vec3(0.0, 0.0, 0.5), 2.0, 0.5), uvec2(40, 10));
+        rectangle(&mut stage, floor, flat(vec3(0.0, 0.0, -0.5), 2.0, 0.25), uvec2(40, 5));
+        let wall = [vec3(0.5, 0.5, -2.0), Vec3::X, Vec3::Y];
+        rectangle(&mut stage, white, wall, UVec2::splat(20));
+        // Much black ground keeps the mean low: all of the lit wall stands out of it.
+        rectangle(&mut stage, black, flat(vec3(-50.0, -1.0, 50.0), 100.0, 100.0), UVec2::splat(16));
+        stage.light(LightKind::Directional { angle: 0.0 }, Vec3::ZERO, vec3(0.0, -1.0, -1.0), 10.0);
+        let (corner, size) = (stage.lay_out().1[strip], stage.sizes[strip]);
+        let rooms = Rooms::new(stage, 256);
+        let at = |x: u32, y: u32| (y * size.x + x) as usize;
+        let mut light = vec![0.0; size.element_product() as usize];
+        for (texel, e) in rooms.coverage.texels.iter().zip(&rooms.direct.bounce.irradiance) {
+            let p = texel.at.wrapping_sub(corner);
+            if p.cmplt(size).all() {
+                light[at(p.x, p.y)] = grey(*e);
+            }
+        }
+        let mean = light.iter().sum::<f64>() / light.len() as f64;
+        assert!(mean > 0.0, "the wall does not shine on the strip");
+        let difference = |x, y| light[at(x - 1, y)] - 2.0 * light[at(x, y)] + light[at(x + 1, y)];
+        let squares: f64 =
+            (0..10).flat_map(|y| (1..39).map(move |x| (x, y))).map(|(x, y)| difference(x, y).powi(2)).sum();
+        libm::sqrt(squares / (6.0 * 380.0)) / mean
+    };
+    let (alone, beside) = (noise(0.0), noise(0.9));
+    // The floor raises the mean, and so the part of the wall's light that is left to rows.
+    assert!(beside < 2.0 * alone, "noise {beside} beside a lit floor, {alone} beside a black one");
 }
 
 /// Passes over the few blocks of a long table would only repeat its points.

@@ -5,6 +5,7 @@
 //! near, groups further away. A few triangles are worth their exact unshadowed irradiance times the sampled share that
 //! arrives; a longer cut is sampled by what each part may send at most.
 
+use super::{disc::Disc, lambert::Corners};
 use crate::{
     atlas::Coverage,
     math::luminance,
@@ -17,7 +18,9 @@ use glam::{Vec2, Vec3};
 /// Most triangles of a cut that are worth their closed form though they are not near.
 const EXACT: usize = 16;
 /// An inner node is opened while its radius exceeds this share of its distance.
-const OPEN: f32 = 0.25;
+const OPEN: f32 = 0.5;
+/// A triangle is near if its radius and the texel's exceed this share of its distance.
+const NEAR: f32 = 0.25;
 /// A patterned emitter's edge is seen as that many parts.
 const TEXTURE_PARTS: f32 = 8.0;
 /// Points at which a patterned emitter is averaged.
@@ -48,8 +51,7 @@ struct Emitter {
 }
 
 struct Node {
-    center: Vec3,
-    radius: f32,
+    disc: Disc,
     begin: u32,
     end: u32,
     /// Index of the second child (the first follows its parent); 0 for a leaf.
@@ -62,7 +64,7 @@ pub(super) struct Stratum {
     node: u32,
     /// A triangle too near for points on it to stand for it.
     near: bool,
-    /// What it may send at most, for sharing out samples.
+    /// What it may send at most (luminance), for sharing out samples.
     pub weight: f32,
 }
 
@@ -129,52 +131,46 @@ impl Emitters {
         self.len() <= EXACT
     }
 
-    /// The nodes that light a texel of radius `reach` around `p`: leaves where they are near, inner nodes further away.
-    /// `flat`: all of the texel faces as `p` does, so that what lies below is left out.
-    pub fn cut(&self, p: &SurfacePoint, reach: f32, flat: bool, cut: &mut Vec<Stratum>) {
+    /// The nodes that light a texel that lies in `receiver`: leaves where they are near, inner nodes further away.
+    pub fn cut(&self, receiver: &Disc, cut: &mut Vec<Stratum>) {
         cut.clear();
         if !self.nodes.is_empty() {
-            self.descend(0, p, reach, flat, cut);
+            self.descend(0, receiver, cut);
         }
     }
 
-    fn descend(&self, node: u32, p: &SurfacePoint, reach: f32, flat: bool, cut: &mut Vec<Stratum>) {
+    fn descend(&self, node: u32, receiver: &Disc, cut: &mut Vec<Stratum>) {
         let n = &self.nodes[node as usize];
-        let v = n.center - p.position;
-        let distance = v.length().max(n.radius).max(1e-12);
-        // What a point of the texel may see of a point of the node, at most.
-        let slack = (n.radius + reach) / distance;
-        let cos = if flat { v.dot(p.face) / distance + slack } else { 1.0 };
-        if cos <= 0.0 {
+        let cosines = receiver.cosine(&n.disc) * n.disc.cosine(receiver);
+        if cosines <= 0.0 {
             return;
         }
-        if n.second != 0 && (self.are_few() || n.radius > OPEN * distance) {
-            self.descend(node + 1, p, reach, flat, cut);
-            self.descend(n.second, p, reach, flat, cut);
+        let distance = receiver.center.distance(n.disc.center).max(n.disc.radius).max(1e-12);
+        let leaf = n.second == 0;
+        if !leaf && (self.are_few() || n.disc.radius > OPEN * distance) {
+            self.descend(node + 1, receiver, cut);
+            self.descend(n.second, receiver, cut);
             return;
         }
-        let mut power = (self.cumulative[n.end as usize] - self.cumulative[n.begin as usize]) as f32;
-        if n.second == 0 {
-            let leaf = &self.triangles[n.begin as usize];
-            let cos = -v.dot(leaf.normal) / distance;
-            power *= if leaf.two_sided { cos.abs() + slack } else { cos + slack }.clamp(0.0, 1.0);
-        }
-        if power > 0.0 {
-            let near = n.second == 0 && n.radius + reach > OPEN * distance;
-            cut.push(Stratum { node, near, weight: power * cos.min(1.0) / (distance * distance) });
+        let power = (self.cumulative[n.end as usize] - self.cumulative[n.begin as usize]) as f32;
+        let weight = power * cosines / (distance * distance);
+        let near = leaf && n.disc.radius + receiver.radius > NEAR * distance;
+        if weight > 0.0 {
+            cut.push(Stratum { node, near, weight });
         }
     }
 
-    /// Unshadowed irradiance of a leaf in closed form at `p`.
-    pub fn exact(&self, s: &Stratum, p: &SurfacePoint) -> Vec3 {
+    /// Unshadowed irradiance of a leaf: the mean of its closed form over `points`.
+    pub fn exact(&self, s: &Stratum, points: &[SurfacePoint]) -> Vec3 {
         let e = &self.triangles[self.nodes[s.node as usize].begin as usize];
-        e.radiance * (e.projected_solid_angle(p) / p.kept())
+        let share: f32 = points.iter().map(|p| e.projected_solid_angle(p) / p.kept()).sum();
+        e.radiance * (share / points.len() as f32)
     }
 
     /// Sorts the cut into the triangles that are near or matter most, each worth its closed form, and the rest.
     pub fn divide<'c>(&self, cut: &'c mut [Stratum]) -> (&'c [Stratum], &'c [Stratum]) {
         let leaf = |s: &Stratum| self.nodes[s.node as usize].second == 0;
-        cut.sort_by(|a, b| {
+        cut.sort_unstable_by(|a, b| {
             let by_kind = b.near.cmp(&a.near).then(leaf(b).cmp(&leaf(a)));
             by_kind.then(b.weight.total_cmp(&a.weight))
         });
@@ -300,78 +296,29 @@ fn texture_extent(mesh: &Mesh, material: &Material, local: u32) -> f32 {
     (b - a).perp_dot(c - a).abs().sqrt()
 }
 
-/// A clipped triangle around the origin.
-struct Corners {
-    at: [Vec3; 6],
-    count: usize,
-}
-
-impl Corners {
-    fn new(t: [Vec3; 3]) -> Self {
-        let mut at = [Vec3::ZERO; 6];
-        at[..3].copy_from_slice(&t);
-        Corners { at, count: 3 }
-    }
-
-    /// Keeps what lies on the positive side of the plane through the origin.
-    fn clip(&mut self, normal: Vec3) {
-        let mut out = Corners { at: [Vec3::ZERO; 6], count: 0 };
-        let mut push = |c: Vec3| {
-            if out.count < 6 {
-                out.at[out.count] = c;
-                out.count += 1;
-            }
-        };
-        for i in 0..self.count {
-            let (a, b) = (self.at[(i + self.count - 1) % self.count], self.at[i]);
-            let (da, db) = (a.dot(normal), b.dot(normal));
-            if (da > 0.0) != (db > 0.0) {
-                push(a + (b - a) * (da / (da - db)));
-            }
-            if db > 0.0 {
-                push(b);
-            }
-        }
-        *self = out;
-    }
-
-    /// Half the sum over the edges of the angle they span times the cosine of its plane, seen from the origin.
-    fn edge_sum(&self, normal: Vec3) -> f32 {
-        let mut sum = 0f64;
-        for i in 0..self.count {
-            let (a, b) = (self.at[i].as_dvec3(), self.at[(i + 1) % self.count].as_dvec3());
-            let cross = a.cross(b);
-            let sin = cross.length();
-            if sin > 0.0 {
-                // The arctangent stays exact where the arccosine of nearly parallel edges does not.
-                sum += libm::atan2(sin, a.dot(b)) * cross.dot(normal.as_dvec3()) / sin;
-            }
-        }
-        (0.5 * sum) as f32
-    }
-}
-
 /// Splits at the median of the longest axis; children follow their parent.
 fn split(triangles: &mut [Emitter], begin: usize, end: usize, nodes: &mut Vec<Node>) {
     let part = &mut triangles[begin..end];
-    let points = || part.iter().flat_map(|e| e.corners);
-    let low = points().fold(Vec3::INFINITY, Vec3::min);
-    let high = points().fold(Vec3::NEG_INFINITY, Vec3::max);
-    let center = (low + high) * 0.5;
-    let radius = points().map(|c| (c - center).length()).fold(0.0, f32::max);
     let me = nodes.len();
-    nodes.push(Node { center, radius, begin: begin as u32, end: end as u32, second: 0 });
+    let (low, high) = bounds(part.iter().flat_map(|e| e.corners));
+    let normal = part.iter().map(|e| e.normal * e.area).sum::<Vec3>().try_normalize().unwrap_or(part[0].normal);
+    let mut disc = Disc::around((low + high) * 0.5, normal);
+    part.iter().flat_map(|e| e.corners).for_each(|c| disc.take_point(c));
+    part.iter().for_each(|e| disc.take_normal(e.normal, e.two_sided));
+    nodes.push(Node { disc, begin: begin as u32, end: end as u32, second: 0 });
     if end - begin > 1 {
         let axis = (high - low).max_position();
-        part.sort_by(|a, b| {
-            let of = |e: &Emitter| e.corners[0][axis] + e.corners[1][axis] + e.corners[2][axis];
-            of(a).total_cmp(&of(b))
-        });
         let middle = begin + (end - begin) / 2;
+        let along = |e: &Emitter| e.corners[0][axis] + e.corners[1][axis] + e.corners[2][axis];
+        part.select_nth_unstable_by(middle - begin, |a, b| along(a).total_cmp(&along(b)));
         split(triangles, begin, middle, nodes);
         nodes[me].second = nodes.len() as u32;
         split(triangles, middle, end, nodes);
     }
+}
+
+fn bounds(points: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
+    points.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
 }
 
 #[cfg(test)]
@@ -388,19 +335,6 @@ mod tests {
             bary: Vec2::ZERO,
             offset: 0.0,
         }
-    }
-
-    #[test]
-    fn unit_square_over_its_corner() {
-        // Howell B-3: corner of a unit square at distance 1.
-        let z = |x: f32, y: f32| Vec3::new(x, y, 1.0);
-        let half = |t: [Vec3; 3]| {
-            let mut c = Corners::new(t);
-            c.clip(Vec3::Z);
-            c.edge_sum(Vec3::Z).abs()
-        };
-        let f = half([z(0., 0.), z(1., 0.), z(1., 1.)]) + half([z(0., 0.), z(1., 1.), z(0., 1.)]);
-        assert!((f / std::f32::consts::PI - 0.138_531_6).abs() < 1e-6, "{f}");
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use super::{
     Direct, Sources,
+    disc::Disc,
     emitters::{Sample, Stratum},
     punctual::{self, Aim},
     volley::{Tally, Volley},
@@ -49,6 +50,7 @@ struct Received {
 struct Desk<'a> {
     footprint: Footprint<'a>,
     cut: Vec<Stratum>,
+    few: Vec<SurfacePoint>,
     volley: Volley,
 }
 
@@ -99,7 +101,7 @@ impl Task<'_> {
                     return Vec::new();
                 }
                 let footprint = Footprint::new(&self.tracer.world, self.coverage);
-                let mut desk = Desk { footprint, cut: Vec::new(), volley: Volley::default() };
+                let mut desk = Desk { footprint, cut: Vec::new(), few: Vec::new(), volley: Volley::default() };
                 let out = chunk.iter().map(|&i| self.patch(i as usize, table, edge, &mut desk)).collect();
                 observer.advance(chunk.len() as u64);
                 out
@@ -125,7 +127,7 @@ impl Task<'_> {
     }
 
     fn patch(&self, patch: usize, table: &PointTable, edge: usize, desk: &mut Desk) -> Received {
-        let Desk { footprint, cut, volley } = desk;
+        let Desk { footprint, cut, few, volley } = desk;
         let (texel, back) = self.patches.texel(patch);
         let at = self.coverage.texels[texel].at;
         footprint.set(texel);
@@ -167,24 +169,29 @@ impl Task<'_> {
             r.sky_peaks += tally.arrived;
             book(tally, &mut r);
         }
-        let middle = on_surface(Vec2::splat(0.5));
-        self.sources.emitters.cut(&middle, footprint.area().sqrt(), footprint.is_flat(), cut);
+        self.sources.emitters.cut(&seen_from(footprint, on_surface(Vec2::splat(0.5))), cut);
         let (near, far) = self.sources.emitters.divide(cut);
-        let weight = |strata: &[Stratum]| strata.iter().map(|s| s.weight).sum::<f32>();
+        // The same points for all leaves: what their closed forms share between them sums up.
+        few.clear();
+        few.extend(points.iter().take(EXACT_POINTS).map(|p| on_surface(p.place)));
+        let exact: Vec<Vec3> = near.iter().map(|s| self.sources.emitters.exact(s, few)).collect();
+        let near_weight: f32 = exact.iter().map(|e| luminance(*e)).sum();
+        let far_weight: f32 = far.iter().map(|s| s.weight).sum();
         let samples = |part: f32| {
-            let wish = points.len() as f32 * part / (weight(near) + weight(far));
+            let wish = points.len() as f32 * part / (near_weight + far_weight);
             (wish.round() as usize).clamp(1, points.len())
         };
         let mut next = 0;
-        for stratum in near {
-            let n = samples(stratum.weight);
-            let tally = self.exact(stratum, points, next..next + n, &on_surface, shift, volley);
+        for (stratum, exact) in near.iter().zip(exact).filter(|(_, exact)| *exact != Vec3::ZERO) {
+            let n = samples(luminance(exact));
+            let tally = self.leaf(stratum, points, next..next + n, &on_surface, shift, volley).of(exact);
             next += n;
             r.emitters += tally.arrived;
             book(tally, &mut r);
         }
         if !far.is_empty() {
-            let (tally, noise) = self.pooled(far, &points[..samples(weight(far))], &on_surface, shift, volley);
+            let (tally, noise) =
+                self.pooled(far, far_weight, &points[..samples(far_weight)], &on_surface, shift, volley);
             r.emitters += tally.arrived;
             r.mixed |= noise > NOISE * luminance(r.emitters).max(self.sources.faint);
             book(Tally { hits: tally.rays, ..tally }, &mut r);
@@ -230,46 +237,40 @@ impl Task<'_> {
         volley.fire(self.tracer).scaled(1.0 / n as f32)
     }
 
-    /// A leaf's closed form times the share that arrives.
-    fn exact(
+    /// What arrives from points of a leaf.
+    fn leaf(
         &self,
-        stratum: &Stratum,
+        leaf: &Stratum,
         points: &[Point],
         samples: std::ops::Range<usize>,
         on_surface: &impl Fn(Vec2) -> SurfacePoint,
         shift: Vec2,
         volley: &mut Volley,
     ) -> Tally {
-        // The same points for all leaves: what their closed forms share between them sums up.
-        let few = &points[..points.len().min(EXACT_POINTS)];
-        let exact: Vec3 = few.iter().map(|p| self.sources.emitters.exact(stratum, &on_surface(p.place))).sum();
-        let exact = exact / few.len() as f32;
         volley.clear();
         for k in samples {
             let point = &points[k % points.len()];
-            let p = on_surface(point.place);
-            self.to_emitter(stratum, &p, wrapped(point.extra + shift), 1.0, volley);
+            self.to_emitter(leaf, &on_surface(point.place), wrapped(point.extra + shift), 1.0, volley);
         }
-        let tally = volley.fire(self.tracer);
-        let share = Vec3::select(tally.sent.cmpgt(Vec3::ZERO), tally.arrived / tally.sent, Vec3::ZERO);
-        Tally { sent: exact, arrived: exact * share, ..tally }
+        volley.fire(self.tracer)
     }
 
     /// The mean of samples over the whole cut, and its standard error (luminance).
     fn pooled(
         &self,
         cut: &[Stratum],
+        total: f32,
         points: &[Point],
         on_surface: &impl Fn(Vec2) -> SurfacePoint,
         shift: Vec2,
         volley: &mut Volley,
     ) -> (Tally, f32) {
-        let mut total = 0.0;
+        let mut sum = 0.0;
         let cumulative: Vec<f32> = cut
             .iter()
             .map(|s| {
-                total += s.weight;
-                total
+                sum += s.weight;
+                sum
             })
             .collect();
         volley.clear();
@@ -298,6 +299,15 @@ impl Task<'_> {
             volley.aim(p, direction, distance * (1.0 - 1e-5), mean * weight, irradiance * weight);
         }
     }
+}
+
+/// Bounds of a texel around its middle.
+fn seen_from(footprint: &Footprint, middle: SurfacePoint) -> Disc {
+    let mut disc = Disc::around(middle.position, middle.face);
+    footprint.triangles().flatten().for_each(|c| disc.take_point(c));
+    let side = 1f32.copysign(footprint.normal().dot(middle.face));
+    footprint.normals().for_each(|n| disc.take_normal(n * side, false));
+    disc
 }
 
 /// Each coordinate's fraction.

@@ -7,7 +7,9 @@
 //! ([`Bounce`]).
 
 mod bright;
+mod disc;
 mod emitters;
+mod lambert;
 mod measure;
 mod punctual;
 mod sky;

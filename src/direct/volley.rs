@@ -63,6 +63,12 @@ impl Volley {
 }
 
 impl Tally {
+    /// The same share of `exact`.
+    pub fn of(self, exact: Vec3) -> Self {
+        let share = Vec3::select(self.sent.cmpgt(Vec3::ZERO), self.arrived / self.sent, Vec3::ZERO);
+        Tally { sent: exact, arrived: exact * share, ..self }
+    }
+
     pub fn scaled(self, f: f32) -> Self {
         Tally { sent: self.sent * f, arrived: self.arrived * f, ..self }
     }

@@ -129,9 +129,9 @@ impl<'w> Footprint<'w> {
         })
     }
 
-    /// True if all of it has one normal.
-    pub fn is_flat(&self) -> bool {
-        matches!(&self.faces[..], [one] if !one.smooth)
+    /// Unit face normal of every piece of a triangle in it.
+    pub fn normals(&self) -> impl Iterator<Item = Vec3> {
+        self.faces.iter().map(|f| f.normal)
     }
 
     /// World area, m^2.
