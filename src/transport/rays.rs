@@ -37,8 +37,8 @@ const PASSES: usize = 4;
 const FAR: f32 = 64.0;
 /// Open points that meet backs before the others are taken for open, too.
 const TRUST: usize = 8;
-/// Points that speak for a texel all of whose rays meet backs.
-const FEW: usize = 2;
+/// Fewer rays than this, all of which meet backs, do not yet say that all of the texel is enclosed.
+const FEW: usize = 32;
 /// Draws of a direction above the face before it is mirrored there.
 const DRAWS: usize = 16;
 
@@ -318,8 +318,8 @@ impl<'a> Shooter<'a> {
 
     /// Decides about the points that may be enclosed, and shoots more rays for those that are.
     fn complete(&self, receiver: &Receiver, row: &mut Row, done: &mut Done) {
-        // Few rays may all meet the backs of sheets: some of their points are looked at.
-        let some = &row.behind[..row.behind.len().min(FEW)];
+        // Few rays may all meet the backs of sheets: then one of their points is looked at.
+        let some = if self.rays < FEW { &row.behind[..row.behind.len().min(1)] } else { &[] };
         let enclosed_all = row.behind.len() == self.rays && self.holds(receiver, some, &mut 0).iter().all(|e| *e);
         self.decide(receiver, row, enclosed_all, &mut done.stats);
         let valid = row.columns.len();
