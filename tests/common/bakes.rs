@@ -38,10 +38,11 @@ pub fn parts(scene: &Scene, options: &Options) -> Parts {
     Parts { atlas, coverage, patches, irradiance, lightmaps, report }
 }
 
-/// Options for tests: `rays` a row and a shadow, reflectance up to .9999.
+/// Options for tests, every texel by its own rays: what neighbours share is correlated, and how texels differ would not
+/// tell their error. `rays` a row and a shadow, reflectance up to .9999.
 pub fn options(rays: u32) -> Options {
     Options {
-        transport: transport::Options::of(rays),
+        transport: transport::Options { rays, reuse: false },
         shadow_rays: rays,
         max_reflectance: 0.9999,
         ..Options::default()
