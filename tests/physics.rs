@@ -11,6 +11,7 @@ use common::{
 use glam::{DVec3, UVec2, Vec3, uvec2, vec3};
 use luxel::{
     atlas::{self, Coverage, Density, Unwrap},
+    bake,
     direct::{Bounce, Direct, Sources, sky_cells},
     lightmaps::Content,
     patches::Patches,
@@ -50,6 +51,21 @@ fn follows(shot: &Shot, chart: Chart, law: impl Fn(DVec3) -> f64) {
     }
     // Points of a texel are stratified: their mean is off by far less than the law's range in it.
     assert!((sum / expected - 1.0).abs() < 1e-3, "mean {sum} instead of {expected}");
+}
+
+/// Patches near the lamp are bright enough to be sampled as sources themselves, which is their light's first bounce.
+#[test]
+fn no_bounce_is_direct_light_alone() {
+    let bake = |reuse| {
+        let mut stage = Stage::new();
+        let (white, lamp) = (stage.material(0.8, 0.0), LightKind::Point { radius: 0.0 });
+        unit_room().all(&mut stage, white, 8);
+        stage.light(lamp, vec3(0.5, 0.95, 0.5), Vec3::ZERO, 1.0);
+        let radiosity = radiosity::Options { bounces: Some(0), ..Default::default() };
+        let transport = transport::Options { rays: 32, reuse };
+        shoot_with(stage, bake::Options { transport, radiosity, ..options(32) }).baked.irradiance
+    };
+    assert_eq!(bake(true), bake(false));
 }
 
 #[test]
@@ -190,7 +206,7 @@ fn bounces_of_a_furnace_are_the_geometric_sum() {
         let wall = stage.material(rho, m);
         furnished(&mut stage, wall, wall, 8);
         let radiosity = radiosity::Options { bounces: Some(bounces), ..radiosity::Options::default() };
-        let baked = shoot_with(stage, luxel::bake::Options { radiosity, ..options(64) }).baked;
+        let baked = shoot_with(stage, bake::Options { radiosity, ..options(64) }).baked;
         let rho = grey(baked.patches.reflectance[0]);
         let sum: f64 = (0..=bounces).map(|k| libm::pow(rho, k.into())).sum();
         let off = worst(baked.irradiance.iter().map(|e| grey(*e)), f64::from(m) * sum);
@@ -210,7 +226,7 @@ fn contents_of_some_bounces_add_up() {
         let charts = furnished(&mut stage, wall, block, 8);
         stage.light(LightKind::Point { radius: 0.0 }, vec3(1.0, 0.9, 1.2), Vec3::ZERO, 3.0);
         let radiosity = radiosity::Options { solver, bounces };
-        let shot = shoot_with(stage, luxel::bake::Options { content, radiosity, ..options(64) });
+        let shot = shoot_with(stage, bake::Options { content, radiosity, ..options(64) });
         charts.iter().flat_map(|c| shot.mapped(*c)).map(|e| e.as_dvec3()).collect::<Vec<_>>()
     };
     let [chebyshev, jacobi] = Solver::ALL;
@@ -454,10 +470,7 @@ fn reflectance_is_capped_with_a_warning() {
     let mut stage = Stage::new();
     let white = stage.material(1.0, 1.0);
     unit_room().all(&mut stage, white, 8);
-    let shot = shoot_with(
-        stage,
-        luxel::bake::Options { transport: transport::Options::of(32), ..luxel::bake::Options::default() },
-    );
+    let shot = shoot_with(stage, bake::Options { transport: transport::Options::of(32), ..bake::Options::default() });
     assert!(worst(shot.baked.irradiance.iter().map(|e| grey(*e)), 1.0 / (1.0 - 0.98)) < 2e-3);
     assert!(shot.baked.report.warnings.iter().any(|w| w.contains("capped")), "{:?}", shot.baked.report.warnings);
     assert!((shot.baked.report.reflectance.capped_area - 6.0).abs() < 1e-4);

@@ -99,7 +99,7 @@ pub fn bake<'s>(scene: &'s Scene, options: &Options, observer: &dyn Observer) ->
 
     r.seconds = clock.seconds;
     r.seam_jump_p95 = jump_across_seams(&tracer.world, &atlas, &coverage, &lightmaps);
-    plan::describe(&mut r, &tracer, &atlas, &coverage, &patches, &transport, &direct, &sources, &lightmaps);
+    plan::describe(&mut r, &tracer, &atlas, &coverage, &patches, &transport, &direct, &lightmaps);
     r.solver = radiosity.report;
     plan::warn(&mut r, options);
     plan::warn_of_broken(&mut r, &lightmaps);

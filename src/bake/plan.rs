@@ -3,7 +3,7 @@
 use super::Options;
 use crate::{
     atlas::{self, Atlas, Coverage, Density, NO_CHART},
-    direct::{Direct, Sources},
+    direct::Direct,
     error::{Error, Result},
     lightmaps::Lightmaps,
     memory,
@@ -88,7 +88,6 @@ pub(super) fn describe(
     patches: &Patches,
     transport: &Transport,
     direct: &Direct,
-    _: &Sources,
     lightmaps: &Lightmaps,
 ) {
     let scene = tracer.world.scene;

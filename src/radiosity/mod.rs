@@ -115,7 +115,8 @@ impl Radiosity {
         direct: &Direct,
         observer: &dyn Observer,
     ) -> Result<()> {
-        let extra = &direct.bounce.irradiance;
+        // What is sampled of the first bounce is none of the rows', and not there without a bounce.
+        let extra = if self.report.bounces == Some(0) { &[][..] } else { &direct.bounce.irradiance };
         self.indirect.iter_mut().zip(extra).for_each(|(e, extra)| *e -= *extra);
         let gather = reuse::Gather { transport, tracer, coverage, patches, radiosity: &self.gathered };
         let done = gather.run(&mut self.indirect, observer);

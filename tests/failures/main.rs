@@ -13,7 +13,7 @@ use common::{
     stage::{Chart, Stage, Surface},
 };
 use glam::{DAffine3, DVec3, UVec2, Vec2, Vec3, uvec2, vec3};
-use luxel::{bake::Options, scene::LightKind};
+use luxel::{bake::Options, scene::LightKind, transport};
 
 /// Every texel reads `expected` to 1e-3.
 fn reads(shot: &Shot, expected: f64) {
@@ -21,14 +21,22 @@ fn reads(shot: &Shot, expected: f64) {
     assert!(off < 1e-3, "off by {off}");
 }
 
+/// Every texel by its own rays, then with those of its neighbours.
+fn both(rays: u32) -> [Options; 2] {
+    [false, true].map(|reuse| Options { transport: transport::Options { rays, reuse }, ..options(rays) })
+}
+
 /// Furnace of `build` with reflectance .8, exitance 1: E = 5 everywhere.
 fn furnace(rays: u32, build: impl Fn(&mut Stage, u32)) -> Shot {
-    let mut stage = Stage::new();
-    let m = stage.material(0.8, 1.0);
-    build(&mut stage, m);
-    let shot = shoot(stage, rays);
-    reads(&shot, 5.0);
-    shot
+    let [alone, _] = both(rays).map(|options| {
+        let mut stage = Stage::new();
+        let m = stage.material(0.8, 1.0);
+        build(&mut stage, m);
+        let shot = shoot_with(stage, options);
+        reads(&shot, 5.0);
+        shot
+    });
+    alone
 }
 
 #[test]
@@ -40,7 +48,7 @@ fn failure_albedo_to_one() {
     let mut stage = Stage::new();
     let white = stage.material(1.0, 1.0);
     unit_room().all(&mut stage, white, 8);
-    let shot = shoot_with(stage, Options { transport: luxel::transport::Options::of(64), ..Options::default() });
+    let shot = shoot_with(stage, Options { transport: transport::Options::of(64), ..Options::default() });
     reads(&shot, 50.0);
     assert!(shot.baked.report.warnings.iter().any(|w| w.contains("capped")));
 }
@@ -78,7 +86,8 @@ fn failure_f32_accumulation() {
 /// Two rooms, x in [0, 1] lit and x in [1 + t, 2 + t] dark; with t = 0 one two-sided sheet parts them.
 #[test]
 fn failure_thin_wall_leak() {
-    for t in [0.1f32, 0.01, 0.001, 0.0] {
+    let walls = [0.1f32, 0.01, 0.001, 0.0];
+    for (t, options) in walls.into_iter().flat_map(|t| both(256).map(|options| (t, options))) {
         let mut stage = Stage::new();
         let white = stage.material(0.8, 0.0);
         let sheet = stage.rgb(Vec3::splat(0.8), Vec3::ZERO, true);
@@ -92,7 +101,7 @@ fn failure_thin_wall_leak() {
             lit.face(&mut stage, Face::Right, sheet, UVec2::ONE, UVec2::splat(16));
         }
         stage.light(LightKind::Point { radius: 0.0 }, vec3(0.9, 0.5, 0.5), Vec3::ZERO, 10.0);
-        let shot = shoot(stage, 256);
+        let shot = shoot_with(stage, options);
         let brightest = |e: Vec<Vec3>| e.iter().map(|e| e.max_element()).fold(0.0, f32::max);
         let values = b.iter().map(|c| brightest(shot.values(*c))).fold(0.0, f32::max);
         let lookups = b.iter().map(|c| brightest(shot.lookups(*c))).fold(0.0, f32::max);
