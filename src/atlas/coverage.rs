@@ -49,13 +49,17 @@ pub struct Fragment {
     pub area: f32,
 }
 
-/// Where a global triangle lies on its page.
+/// Where a global triangle lies on its page, and what else a ray that meets it asks: found in one place.
 #[derive(Clone, Copy, Debug)]
 pub struct Charted {
     /// Corners in texels, v down.
     pub corners: [Vec2; 3],
     /// Index of the page, or [`NO_PAGE`].
     pub page: u32,
+    /// True if its back is a surface, too.
+    pub double_sided: bool,
+    /// True if it shines.
+    pub emits: bool,
 }
 
 impl Charted {
@@ -145,20 +149,27 @@ impl Coverage {
 }
 
 fn charted(world: &World, atlas: &Atlas) -> Vec<Charted> {
-    let nowhere = Charted { corners: [Vec2::ZERO; 3], page: NO_PAGE };
-    let mut charted = vec![nowhere; world.len() as usize];
+    let mut charted = Vec::with_capacity(world.len() as usize);
     for (i, placement) in atlas.placements.iter().enumerate() {
-        let Some(p) = placement else { continue };
-        let layout = &atlas.layouts[world.scene.instances[i].mesh as usize];
-        let size = atlas.pages[p.page as usize].size.as_vec2();
-        let start = world.triangles_of(i).start as usize;
-        // Unlit primitives have no light to map: a ray that meets them ends there.
-        let unlit = |material: u32| world.scene.materials[material as usize].unlit;
-        for primitive in world.mesh(i).primitives.iter().filter(|p| !unlit(p.material)) {
-            for t in primitive.triangles.clone().map(|t| t as usize) {
-                let corners = layout.triangles[t].map(|v| (p.offset + p.scale * layout.uv[v as usize]) * size);
-                charted[start + t] = Charted { corners, page: p.page };
-            }
+        let mesh = world.mesh(i);
+        for primitive in &mesh.primitives {
+            let material = &world.scene.materials[primitive.material as usize];
+            // Unlit primitives have no light to map: a ray that meets them ends there.
+            let place = placement.as_ref().filter(|_| !material.unlit);
+            let page = place.map_or(NO_PAGE, |p| p.page);
+            let layout = &atlas.layouts[world.scene.instances[i].mesh as usize];
+            let corners = |t: u32| {
+                let Some(p) = place else { return [Vec2::ZERO; 3] };
+                let size = atlas.pages[p.page as usize].size.as_vec2();
+                layout.triangles[t as usize].map(|v| (p.offset + p.scale * layout.uv[v as usize]) * size)
+            };
+            let (double_sided, emits) = (material.double_sided, material.emits());
+            charted.extend(primitive.triangles.clone().map(|t| Charted {
+                corners: corners(t),
+                page,
+                double_sided,
+                emits,
+            }));
         }
     }
     charted

@@ -64,7 +64,7 @@ pub(super) fn measure(
 ) -> Result<Direct> {
     let probes = (rays / 16).clamp(8, 64).min(rays) as usize;
     let all: Vec<u32> = (0..patches.len() as u32).collect();
-    let task = Task { tracer, coverage, patches, sources, enclosure: Enclosure::new(tracer) };
+    let task = Task { tracer, coverage, patches, sources, enclosure: Enclosure::new(tracer, coverage) };
     observer.begin("direct", all.len() as u64);
     let mut received = task.run(&all, &PointTable::new(probes, 0x6469_7265), 1, observer)?;
     let again: Vec<u32> = (0..patches.len() as u32).filter(|&i| task.is_mixed(&received, i as usize)).collect();

@@ -2,6 +2,7 @@
 
 use super::SurfacePoint;
 use crate::{
+    atlas::Coverage,
     math::{Frame, Point, PointTable},
     trace::{Hit, Ray, Tracer},
 };
@@ -18,19 +19,20 @@ const TRUST: usize = 2;
 /// Looks around points. A point is enclosed if all it sees are backs, single-sided or not, that do not shine.
 pub struct Enclosure<'a> {
     tracer: &'a Tracer<'a>,
+    coverage: &'a Coverage,
     probes: PointTable,
 }
 
 impl<'a> Enclosure<'a> {
     /// Prepares the probes.
-    pub fn new(tracer: &'a Tracer<'a>) -> Self {
-        Enclosure { tracer, probes: PointTable::new(PROBES, 0x7072_6f62) }
+    pub fn new(tracer: &'a Tracer<'a>, coverage: &'a Coverage) -> Self {
+        Enclosure { tracer, coverage, probes: PointTable::new(PROBES, 0x7072_6f62) }
     }
 
     /// True if a hit may be part of an enclosure.
     #[inline]
     pub fn may_enclose(&self, hit: &Hit) -> bool {
-        !hit.front && !self.tracer.world.material(hit.triangle).emits()
+        !hit.front && !self.coverage.charted[hit.triangle as usize].emits
     }
 
     /// Which of some points of the texel `at` are enclosed: the probes from there end on backs. `turn` turns them about

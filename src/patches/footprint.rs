@@ -3,7 +3,7 @@
 use crate::{
     atlas::Coverage,
     math::{Frame, Polygon},
-    scene::World,
+    scene::{World, shading_normal},
     trace::rounding,
 };
 use glam::{DVec2, Vec2, Vec3};
@@ -32,12 +32,11 @@ pub struct Cell {
 
 /// The part of a triangle inside the texel.
 pub struct Face {
-    instance: usize,
     triangle: u32,
-    local: u32,
     normal: Vec3,
     frame: Frame,
-    smooth: bool,
+    /// At its corners, where it is shaded smoothly.
+    smooth: Option<[Vec3; 3]>,
     offset: f32,
 }
 
@@ -89,7 +88,7 @@ impl Face {
     /// From a point on the front to where rays start, and the axes of their directions; `None` where those differ from
     /// point to point.
     pub fn flat(&self) -> Option<(Vec3, Frame)> {
-        (!self.smooth).then_some((self.normal * self.offset, self.frame))
+        self.smooth.is_none().then_some((self.normal * self.offset, self.frame))
     }
 }
 
@@ -110,9 +109,9 @@ impl<'w> Footprint<'w> {
             let (instance, local) = world.locate(fragment.triangle);
             let corners = world.corners(instance, local);
             let normal = world.cross(instance, &corners).normalize_or_zero();
-            let smooth = world.is_smooth(instance, local, normal);
+            let smooth = world.smooth_normals(instance, local, normal);
             let (frame, offset) = (Frame::around(normal), rounding(&corners));
-            self.faces.push(Face { instance, triangle: fragment.triangle, local, normal, frame, smooth, offset });
+            self.faces.push(Face { triangle: fragment.triangle, normal, frame, smooth, offset });
             let uv = coverage.charted[fragment.triangle as usize].exact();
             sum = self.cut(corners, uv, at, fragment.area, sum);
         }
@@ -170,11 +169,12 @@ impl<'w> Footprint<'w> {
         let (cell, f) = self.cell(u);
         let face = &self.faces[cell.face as usize];
         let bary = (cell.bary[0] + cell.bary[1] * f.x + cell.bary[2] * f.y).max(Vec2::ZERO);
-        let (normal, frame) = if face.smooth {
-            let normal = self.world.normal(face.instance, face.local, bary, face.normal);
-            (normal, Frame::around(normal))
-        } else {
-            (face.normal, face.frame)
+        let (normal, frame) = match &face.smooth {
+            Some(corners) => {
+                let normal = shading_normal(corners, bary, face.normal);
+                (normal, Frame::around(normal))
+            }
+            None => (face.normal, face.frame),
         };
         SurfacePoint {
             position: cell.position(f),

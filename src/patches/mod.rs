@@ -131,9 +131,9 @@ impl Patches {
 
 /// The patch that a hit meets.
 #[inline]
-pub fn seen(world: &World, coverage: &Coverage, hit: &Hit) -> Seen {
+pub fn seen(coverage: &Coverage, hit: &Hit) -> Seen {
     let charted = &coverage.charted[hit.triangle as usize];
-    if charted.page == NO_PAGE || (!hit.front && !world.material(hit.triangle).double_sided) {
+    if charted.page == NO_PAGE || (!hit.front && !charted.double_sided) {
         return Seen::Dark;
     }
     match coverage.texel_near(charted, charted.at(hit.bary)) {

@@ -14,7 +14,7 @@ pub use light::{Bake, Light, LightKind, MAX_LIGHT};
 pub use material::{Alpha, Material, Surface};
 pub use sky::{Sky, SkyMap};
 pub use texture::{Texture, TextureRef, Wrap};
-pub use world::World;
+pub use world::{World, shading_normal};
 
 use glam::{DAffine3, DVec3, Vec2, Vec3, Vec4};
 use std::{ops::Range, path::PathBuf};

@@ -36,7 +36,9 @@ impl<'s> World<'s> {
                 let (x, y, z) = (linear.x_axis, linear.y_axis, linear.z_axis);
                 let cofactor = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));
                 let mirrored = linear.determinant() < 0.0;
-                let normal = if mirrored { cofactor * -1.0 } else { cofactor };
+                // Only directions count: of a size that single precision holds.
+                let size = cofactor.to_cols_array().iter().fold(0.0, |m: f64, c| m.max(c.abs())).max(f64::MIN_POSITIVE);
+                let normal = cofactor * ((if mirrored { -1.0 } else { 1.0 }) / size);
                 Placing { linear, translation: i.transform.translation, normal, mirrored }
             })
             .collect();
@@ -88,19 +90,21 @@ impl<'s> World<'s> {
         if self.frames[instance].mirrored { -c } else { c }
     }
 
-    /// Interpolated vertex normal at barycentrics (1 - u - v, u, v), unit; `face` where there is none, or where it
-    /// points behind the face.
-    pub fn normal(&self, instance: usize, t: u32, bary: Vec2, face: Vec3) -> Vec3 {
-        let mesh = self.mesh(instance);
-        let [a, b, c] = mesh.triangles[t as usize].map(|v| mesh.normals[v as usize]);
-        let n = a * (1.0 - bary.x - bary.y) + b * bary.x + c * bary.y;
-        let n = (self.frames[instance].normal * n.as_dvec3()).normalize_or_zero().as_vec3();
-        if n.dot(face) > 1e-3 { n } else { face }
-    }
-
-    /// True if a vertex of the triangle has a normal that leaves the face's by more than rounding.
-    pub fn is_smooth(&self, instance: usize, t: u32, face: Vec3) -> bool {
+    /// Vertex normals of a triangle in world space, as long as they are in the file; `None` if none leaves the `face`'s by
+    /// more than rounding.
+    pub fn smooth_normals(&self, instance: usize, t: u32, face: Vec3) -> Option<[Vec3; 3]> {
+        let (mesh, turn) = (self.mesh(instance), &self.frames[instance].normal);
+        let corners = mesh.triangles[t as usize].map(|v| (*turn * mesh.normals[v as usize].as_dvec3()).as_vec3());
         let corner = [Vec2::ZERO, Vec2::X, Vec2::Y];
-        corner.iter().any(|&c| self.normal(instance, t, c, face).dot(face) < 1.0 - 1e-6)
+        corner.iter().any(|&c| shading_normal(&corners, c, face).dot(face) < 1.0 - 1e-6).then_some(corners)
     }
+}
+
+/// Unit normal at barycentrics (1 - u - v, u, v) of a triangle with these normals at its `corners`; `face` where there is
+/// none, or where it points behind the face.
+#[inline]
+pub fn shading_normal(corners: &[Vec3; 3], bary: Vec2, face: Vec3) -> Vec3 {
+    let [a, b, c] = corners;
+    let n = (a * (1.0 - bary.x - bary.y) + b * bary.x + c * bary.y).normalize_or_zero();
+    if n.dot(face) > 1e-3 { n } else { face }
 }

@@ -187,7 +187,7 @@ impl<'a> Shooter<'a> {
             far: FAR * tracer.reach(),
             table: PointTable::new(rays as usize, 0x7261_7973).by_direction(),
             again: PointTable::new(rays as usize, 0x6167_6169),
-            enclosure: Enclosure::new(tracer),
+            enclosure: Enclosure::new(tracer, coverage),
             met: (0..coverage.texels.len().div_ceil(64)).map(|_| AtomicU64::new(0)).collect(),
         }
     }
@@ -292,7 +292,7 @@ impl<'a> Shooter<'a> {
             let spot = ray.origin + ray.direction * self.far;
             return End { column: Ok(SKY | cell_of(ray.direction)), spot };
         };
-        let seen = seen(&self.tracer.world, self.coverage, hit);
+        let seen = seen(self.coverage, hit);
         let column = if self.enclosure.may_enclose(hit) { Err(seen) } else { Ok(self.column(seen, stats)) };
         End { column, spot: ray.origin + ray.direction * hit.t }
     }
