@@ -37,6 +37,11 @@ impl Frame {
     pub fn to_world(&self, v: Vec3) -> Vec3 {
         self.x * v.x + self.y * v.y + self.z * v.z
     }
+
+    /// The coordinates of a point in the plane across the normal.
+    pub fn flat(&self, p: Vec3) -> Vec2 {
+        Vec2::new(self.x.dot(p), self.y.dot(p))
+    }
 }
 
 /// Point of the unit disc; equal areas stay equal (Shirley and Chiu, "A Low Distortion Map", 1997).

@@ -5,11 +5,12 @@
 //! pools of their own, and so does what the weights say of those who see less than the others.
 
 mod pool;
+mod trend;
 
 use crate::{
     atlas::{Coverage, NO_TEXEL},
     error::Result,
-    math::{luminance, simd::Level},
+    math::{Frame, luminance, simd::Level},
     patches::Patches,
     progress::{Observer, check},
     trace::{Segment, Tracer},
@@ -18,6 +19,7 @@ use crate::{
 use glam::{UVec2, Vec3};
 use pool::Pool;
 use rayon::prelude::*;
+use trend::Sample;
 
 /// Edge of the squares of texels that share their rays, and how far beyond they look for more.
 const TILE: u32 = 4;
@@ -46,10 +48,11 @@ impl Gather<'_> {
         let strips: Vec<(usize, u32)> = (0..self.coverage.sizes.len()).flat_map(rows).collect();
         let level = Level::best();
         observer.begin("reuse", strips.len() as u64);
+        let own = &*irradiance;
         let strip = |&(page, y): &(usize, u32)| {
             let tiles = 0..self.coverage.sizes[page].x.div_ceil(TILE);
             let tiles =
-                tiles.filter(|_| !observer.cancelled()).map(|x| self.tile(page, UVec2::new(x, y) * TILE, level));
+                tiles.filter(|_| !observer.cancelled()).map(|x| self.tile(page, UVec2::new(x, y) * TILE, own, level));
             let found = tiles.flatten().collect();
             observer.advance(1);
             found
@@ -61,7 +64,7 @@ impl Gather<'_> {
     }
 
     /// New values of the texels of the tile that begins at `first`.
-    fn tile(&self, page: usize, first: UVec2, level: Level) -> Vec<(u32, Vec3)> {
+    fn tile(&self, page: usize, first: UVec2, own: &[Vec3], level: Level) -> Vec<(u32, Vec3)> {
         let inner = self.texels(page, first, first + TILE);
         let mut left = self.texels(page, first.saturating_sub(UVec2::splat(MARGIN)), first + TILE + MARGIN);
         let mut found = Vec::with_capacity(inner.len());
@@ -69,6 +72,8 @@ impl Gather<'_> {
             let members = self.around(leader, &left);
             let values = Pool::new(self, &members).shared(level);
             let done = members.into_iter().zip(values).filter_map(|(t, value)| Some((t, value?)));
+            let mut done: Vec<(u32, Vec3)> = done.collect();
+            self.straighten(&mut done, own);
             for (texel, value) in done {
                 left.retain(|&t| t != texel);
                 if inner.contains(&texel) {
@@ -79,6 +84,20 @@ impl Gather<'_> {
             left.retain(|&t| t != leader);
         }
         found
+    }
+
+    /// Puts back what sharing has blurred.
+    fn straighten(&self, done: &mut [(u32, Vec3)], own: &[Vec3]) {
+        let Some(&(first, _)) = done.first() else { return };
+        let axes = Frame::around(self.transport.eyes[first as usize].normal);
+        let at = |t: u32| axes.flat(self.transport.eyes[t as usize].position);
+        let sample = |&(t, shared): &(u32, Vec3)| Sample { at: at(t), own: own[t as usize], shared };
+        let samples: Vec<Sample> = done.iter().map(sample).collect();
+        if let Some(trend) = trend::of(&samples) {
+            for ((_, value), s) in done.iter_mut().zip(&samples) {
+                *value = (*value + trend(s.at)).max(Vec3::ZERO);
+            }
+        }
     }
 
     /// Texels of a rectangle of the page that have rays.
