@@ -59,7 +59,9 @@ fn rays_used_again_stand_for_many() {
     for name in ["cornell", "furnished"] {
         let (scene, truth) = read(name);
         let [again, once] = [true, false].map(|reuse| {
-            let baked = bake_with(&scene, &truth, Unwrap::Keep, transport::Options { rays: 32, reuse });
+            let transport = transport::Options { rays: 32, reuse };
+            let baked =
+                bake_with(&scene, &truth, Unwrap::Keep, bake::Options { transport, ..bake::Options::default() });
             Metrics::new(&truth, &score::texels(&baked.lightmaps, &truth))
         });
         println!("{name}: {again}, used once {once}");
@@ -68,11 +70,27 @@ fn rays_used_again_stand_for_many() {
 }
 
 /// The figures are those that a scorer in another language gave for the same values.
+/// A square lamp's shadows from 8 rays a texel, of which neighbours in a penumbra make 25 times as many.
+#[test]
+fn soft_shadows_take_few_rays() {
+    let (scene, truth) = read("cornell");
+    let transport = transport::Options::of(RAYS);
+    let options = bake::Options { transport, shadow_rays: 8, ..bake::Options::default() };
+    let baked = bake_with(&scene, &truth, Unwrap::Keep, options);
+    let found = Metrics::new(&truth, &score::texels(&baked.lightmaps, &truth));
+    assert_within(&found, [0.015, 0.025, 0.015], 0.003);
+    let rays = baked.report.rays.shadow as f64 / baked.report.texels as f64;
+    println!("{rays} shadow rays a texel");
+    assert!(rays < 18.0, "{rays} shadow rays a texel");
+}
+
 /// Beside a window's frame the sky is hidden by degrees: what neighbours see of it must not be taken for one's own.
 #[test]
 fn rays_used_again_keep_the_shade_of_a_reveal() {
     let (scene, truth) = read("window");
-    let baked = bake_with(&scene, &truth, Unwrap::Keep, transport::Options::default());
+    // So many that the sun's edge does not hide it.
+    let options = bake::Options { shadow_rays: 128, ..bake::Options::default() };
+    let baked = bake_with(&scene, &truth, Unwrap::Keep, options);
     let found = Metrics::new(&truth, &score::texels(&baked.lightmaps, &truth));
     assert_within(&found, [0.034, 0.03, 0.034], 0.003);
 }
@@ -122,14 +140,14 @@ fn assert_within(found: &Metrics, [all, dark, border]: [f64; 3], bias: f64) {
 }
 
 fn bake<'s>(scene: &'s Scene, truth: &Truth, unwrap: Unwrap) -> Baked<'s> {
-    bake_with(scene, truth, unwrap, transport::Options::of(RAYS))
+    let transport = transport::Options::of(RAYS);
+    bake_with(scene, truth, unwrap, bake::Options { transport, ..bake::Options::default() })
 }
 
-fn bake_with<'s>(scene: &'s Scene, truth: &Truth, unwrap: Unwrap, transport: transport::Options) -> Baked<'s> {
+fn bake_with<'s>(scene: &'s Scene, truth: &Truth, unwrap: Unwrap, options: bake::Options) -> Baked<'s> {
     let density = Density::Resolution(truth.resolution as u32);
     let atlas = atlas::Options { unwrap, density, ..atlas::Options::default() };
-    let options = bake::Options { atlas, transport, ..bake::Options::default() };
-    bake::bake(scene, &options, &Silent).expect("a bake")
+    bake::bake(scene, &bake::Options { atlas, ..options }, &Silent).expect("a bake")
 }
 
 /// The author's layout and a map of numbers that change from texel to texel.

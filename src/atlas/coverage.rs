@@ -114,8 +114,10 @@ impl Coverage {
     /// The covered texel at texel coordinates `at` of a page.
     #[inline]
     pub fn texel_at(&self, page: u32, at: Vec2) -> Option<u32> {
-        // Truncation is the floor of what is not negative; a hair below 0 belongs to the first texel.
-        self.texel(page, at.as_ivec2())
+        // Truncation is the floor of what is not negative; a hair below 0 belongs to the first texel, and a coordinate of
+        // exactly 1 to the last.
+        let (at, size) = (at.as_ivec2(), self.sizes[page as usize].as_ivec2());
+        self.texel(page, at - IVec2::new(i32::from(at.x == size.x), i32::from(at.y == size.y)))
     }
 
     /// The covered texel at `at` on a triangle, or the one beside it where rounding put a hit just outside.
@@ -134,12 +136,11 @@ impl Coverage {
             .or_else(|| around.as_flattened().iter().find_map(|p| self.texel(charted.page, *p)))
     }
 
+    /// The covered texel at a column and row of a page.
     #[inline]
-    fn texel(&self, page: u32, at: IVec2) -> Option<u32> {
+    pub fn texel(&self, page: u32, at: IVec2) -> Option<u32> {
         let size = self.sizes[page as usize];
-        // A coordinate of exactly 1 belongs to the last texel.
-        let x = if at.x == size.x as i32 { at.x - 1 } else { at.x } as u32;
-        let y = if at.y == size.y as i32 { at.y - 1 } else { at.y } as u32;
+        let (x, y) = (at.x as u32, at.y as u32);
         if x >= size.x || y >= size.y {
             return None;
         }

@@ -26,7 +26,7 @@ pub struct Options {
     pub atlas: atlas::Options,
     /// How rows are measured. Default: 64 rays each, used again by neighbours.
     pub transport: transport::Options,
-    /// Shadow rays a source where a texel sees part of it, 1..=65536; fewer elsewhere. Default: 128.
+    /// Shadow rays a source where a texel sees part of it, 1..=65536; more at edges, fewer elsewhere. Default: 32.
     pub shadow_rays: u32,
     /// Largest reflectance, (0, .9999]. Default: .98.
     pub max_reflectance: f32,
@@ -41,7 +41,7 @@ impl Default for Options {
         Options {
             atlas: atlas::Options::default(),
             transport: transport::Options::default(),
-            shadow_rays: 128,
+            shadow_rays: 32,
             max_reflectance: 0.98,
             radiosity: radiosity::Options::default(),
             content: Content::Full,

@@ -5,6 +5,7 @@ use super::{
     disc::Disc,
     emitters::{Sample, Stratum},
     punctual::{self, Aim},
+    smooth::smooth,
     volley::{Tally, Volley},
 };
 use crate::{
@@ -13,7 +14,7 @@ use crate::{
     math::{Point, PointTable, hash, luminance, unit_float},
     patches::{Enclosure, Footprint, Patches, SurfacePoint},
     progress::{Observer, check},
-    scene::Bake,
+    scene::{Bake, LightKind},
     trace::Tracer,
 };
 use glam::{IVec2, UVec2, Vec2, Vec3};
@@ -25,25 +26,51 @@ const CHUNK: usize = 256;
 const EXACT_POINTS: usize = 8;
 /// Blocks of points among which a partly enclosed texel looks for open ones.
 const BLOCKS: usize = 8;
-/// Blocks of points for lamps, the sun and peaks of the sky where their shadow's edge may cross a texel.
-const EDGE: usize = 4;
-/// Relative standard error of a sampled cut that calls for more rays.
+/// Blocks of points there for lamps, and for the sun and peaks of the sky, whose shadows have sharper edges yet.
+const LAMP_BLOCKS: usize = 4;
+const SUN_BLOCKS: usize = 16;
+/// Times the shadow rays that texels get which no fit explains.
+const MORE: u32 = 4;
+/// Shadow rays at most: there are no more points.
+const MOST: u32 = 1 << 16;
+/// Relative standard error that calls for more rays.
 const NOISE: f32 = 0.01;
 /// Difference of arriving shares between neighbours that calls for more rays.
 const STEP: f32 = 0.02;
 
 /// What a texel receives from all sources.
 #[derive(Clone, Copy, Default)]
-struct Received {
-    lights: Vec3,
-    hidden: Vec3,
-    emitters: Vec3,
-    sky_peaks: Vec3,
+pub(super) struct Received {
+    pub lights: Vec3,
+    pub hidden: Vec3,
+    pub emitters: Vec3,
+    pub sky_peaks: Vec3,
     /// Share of the unshadowed light that arrives.
-    share: f32,
+    pub share: f32,
     /// True if some rays to one source arrive and others do not.
-    mixed: bool,
-    rays: u32,
+    pub mixed: bool,
+    /// Of the luminance of all light, about, from how the rays disagree.
+    pub variance: f32,
+    pub rays: u32,
+}
+
+impl Received {
+    /// Light of all sources.
+    pub fn total(&self) -> Vec3 {
+        self.lights + self.hidden + self.emitters + self.sky_peaks
+    }
+
+    /// Each source's light by a function of its own and another's.
+    pub fn zip(self, o: &Self, f: impl Fn(Vec3, Vec3) -> Vec3) -> Self {
+        let (lights, hidden) = (f(self.lights, o.lights), f(self.hidden, o.hidden));
+        Received {
+            lights,
+            hidden,
+            emitters: f(self.emitters, o.emitters),
+            sky_peaks: f(self.sky_peaks, o.sky_peaks),
+            ..self
+        }
+    }
 }
 
 /// What a task keeps at hand.
@@ -62,18 +89,22 @@ pub(super) fn measure(
     rays: u32,
     observer: &dyn Observer,
 ) -> Result<Direct> {
-    let probes = (rays / 16).clamp(8, 64).min(rays) as usize;
-    let all: Vec<u32> = (0..patches.len() as u32).collect();
     let task = Task { tracer, coverage, patches, sources, enclosure: Enclosure::new(tracer, coverage) };
-    observer.begin("direct", all.len() as u64);
-    let mut received = task.run(&all, &PointTable::new(probes, 0x6469_7265), 1, observer)?;
-    let again: Vec<u32> = (0..patches.len() as u32).filter(|&i| task.is_mixed(&received, i as usize)).collect();
-    observer.begin("direct: shadow edges", again.len() as u64);
-    let mut shadow_rays: u64 = received.iter().map(|r| u64::from(r.rays)).sum();
-    for (&i, r) in again.iter().zip(task.run(&again, &PointTable::new(rays as usize, 0x7368_6164), EDGE, observer)?) {
-        shadow_rays += u64::from(r.rays);
-        received[i as usize] = r;
-    }
+    let mut received = vec![Received::default(); patches.len()];
+    let some =
+        |holds: &dyn Fn(usize) -> bool| (0..patches.len() as u32).filter(|&i| holds(i as usize)).collect::<Vec<_>>();
+    let table = |points: u32| PointTable::new(points.min(MOST) as usize, 0x6469_7265);
+
+    observer.begin("direct", patches.len() as u64);
+    let probes = (rays / 16).clamp(8, 64).min(rays);
+    let mut shadow_rays = task.measure(&some(&|_| true), &table(probes), false, &mut received, observer)?;
+    let mixed = some(&|i| task.is_mixed(&received, i));
+    observer.begin("direct: shadows", mixed.len() as u64);
+    shadow_rays += task.measure(&mixed, &table(rays), false, &mut received, observer)?;
+    received = smooth(coverage, patches, &received);
+    let edges = some(&|i| task.near(i, |n| task.is_edge(&received[n])));
+    observer.begin("direct: shadow edges", edges.len() as u64);
+    shadow_rays += task.measure(&edges, &table(rays * MORE), true, &mut received, observer)?;
     Ok(Direct {
         lights: received.iter().map(|r| r.lights).collect(),
         hidden_lights: received.iter().map(|r| r.hidden).collect(),
@@ -93,40 +124,53 @@ struct Task<'a> {
 }
 
 impl Task<'_> {
-    fn run(&self, which: &[u32], table: &PointTable, edge: usize, observer: &dyn Observer) -> Result<Vec<Received>> {
-        let done: Vec<Vec<Received>> = which
-            .par_chunks(CHUNK)
-            .map(|chunk| {
-                if observer.cancelled() {
-                    return Vec::new();
-                }
-                let footprint = Footprint::new(&self.tracer.world, self.coverage);
-                let mut desk = Desk { footprint, cut: Vec::new(), few: Vec::new(), volley: Volley::default() };
-                let out = chunk.iter().map(|&i| self.patch(i as usize, table, edge, &mut desk)).collect();
-                observer.advance(chunk.len() as u64);
-                out
-            })
-            .collect();
+    /// Measures some patches; returns the number of rays that took.
+    fn measure(
+        &self,
+        which: &[u32],
+        table: &PointTable,
+        edge: bool,
+        received: &mut [Received],
+        observer: &dyn Observer,
+    ) -> Result<u64> {
+        let measured = |chunk: &[u32]| {
+            if observer.cancelled() {
+                return Vec::new();
+            }
+            let footprint = Footprint::new(&self.tracer.world, self.coverage);
+            let mut desk = Desk { footprint, cut: Vec::new(), few: Vec::new(), volley: Volley::default() };
+            let out: Vec<Received> = chunk.iter().map(|&i| self.patch(i as usize, table, edge, &mut desk)).collect();
+            observer.advance(chunk.len() as u64);
+            out
+        };
+        let done: Vec<Vec<Received>> = which.par_chunks(CHUNK).map(measured).collect();
         check(observer)?;
-        Ok(done.concat())
+        which.iter().zip(done.iter().flatten()).for_each(|(&i, r)| received[i as usize] = *r);
+        Ok(done.iter().flatten().map(|r| u64::from(r.rays)).sum())
     }
 
-    /// True if the texel's own rays disagree, or its share differs from a neighbour's on the page.
-    fn is_mixed(&self, received: &[Received], patch: usize) -> bool {
-        let me = &received[patch];
+    /// True if something holds of a patch, or of a texel beside it on the page.
+    fn near(&self, patch: usize, holds: impl Fn(usize) -> bool) -> bool {
         let (texel, back) = self.patches.texel(patch);
-        if me.mixed || back {
-            return me.mixed;
-        }
         let t = self.coverage.texels[texel];
-        let around = (-1..=1).flat_map(|y| (-1..=1).map(move |x| IVec2::new(x, y)));
-        around.filter_map(|d| self.coverage.texel_at(t.page, (t.at.as_ivec2() + d).as_vec2() + 0.5)).any(|n| {
-            let n = &received[n as usize];
-            n.mixed || (n.share - me.share).abs() > STEP
-        })
+        let mut around = (-1..=1).flat_map(|y| (-1..=1).map(move |x| IVec2::new(x, y)));
+        holds(patch)
+            || !back
+                && around.any(|d| self.coverage.texel(t.page, t.at.as_ivec2() + d).is_some_and(|n| holds(n as usize)))
     }
 
-    fn patch(&self, patch: usize, table: &PointTable, edge: usize, desk: &mut Desk) -> Received {
+    /// True if too much noise is left after fitting.
+    fn is_edge(&self, r: &Received) -> bool {
+        r.variance.sqrt() > NOISE * luminance(r.total()).max(self.sources.faint)
+    }
+
+    /// True if the patch's own rays or those of a neighbour on the page disagree, or their shares of the light.
+    fn is_mixed(&self, received: &[Received], patch: usize) -> bool {
+        let share = received[patch].share;
+        self.near(patch, |n| received[n].mixed || (received[n].share - share).abs() > STEP)
+    }
+
+    fn patch(&self, patch: usize, table: &PointTable, edge: bool, desk: &mut Desk) -> Received {
         let Desk { footprint, cut, few, volley } = desk;
         let (texel, back) = self.patches.texel(patch);
         let at = self.coverage.texels[texel].at;
@@ -136,13 +180,13 @@ impl Task<'_> {
             if back { p.reversed() } else { p }
         };
         let open;
-        let (points, more) = if self.patches.validity[patch] < 1.0 {
+        let (points, most) = if self.patches.validity[patch] < 1.0 {
             open = self.open_points(table, at, &on_surface);
-            (&open[..], 1..1)
+            (&open[..], 1)
         } else {
-            (table.block(at.x, at.y, 0), 1..edge.min(table.blocks()))
+            (table.block(at.x, at.y, 0), if edge { table.blocks() } else { 1 })
         };
-        let edge_points = points.iter().chain(more.flat_map(|pass| table.block(at.x, at.y, pass)));
+        let blocks = |n: usize| points.iter().chain((1..n.min(most)).flat_map(|pass| table.block(at.x, at.y, pass)));
         if points.is_empty() {
             return Received::default();
         }
@@ -155,17 +199,22 @@ impl Task<'_> {
             sent += luminance(tally.sent);
             arrived += luminance(tally.arrived);
             r.mixed |= tally.hits > 0 && tally.hits < tally.rays;
+            // Errors of stratified points at an edge fall faster than with the root of their number.
+            let n = tally.rays.max(1) as f32;
+            let share = tally.hits as f32 / n;
+            r.variance += luminance(tally.sent).powi(2) * share * (1.0 - share) / (n * n.sqrt().sqrt());
             r.rays += tally.rays;
         };
         for light in self.sources.lights.iter().filter(|l| l.bake != Bake::None) {
             let aim = |p: &SurfacePoint, u| punctual::aim(light, p, wrapped(u + shift));
-            let tally = self.punctual(edge_points.clone(), &on_surface, aim, volley);
+            let sun = matches!(light.kind, LightKind::Directional { .. });
+            let tally = self.punctual(blocks(if sun { SUN_BLOCKS } else { LAMP_BLOCKS }), &on_surface, aim, volley);
             *(if light.bake == Bake::Full { &mut r.lights } else { &mut r.hidden }) += tally.arrived;
             book(tally, &mut r);
         }
         if let Some(peaks) = &self.sources.peaks {
             let aim = |p: &SurfacePoint, u| peaks.aim(p, wrapped(u + shift));
-            let tally = self.punctual(edge_points.clone(), &on_surface, aim, volley);
+            let tally = self.punctual(blocks(SUN_BLOCKS), &on_surface, aim, volley);
             r.sky_peaks += tally.arrived;
             book(tally, &mut r);
         }
@@ -193,6 +242,7 @@ impl Task<'_> {
             let (tally, noise) =
                 self.pooled(far, far_weight, &points[..samples(far_weight)], &on_surface, shift, volley);
             r.emitters += tally.arrived;
+            r.variance += noise * noise;
             r.mixed |= noise > NOISE * luminance(r.emitters).max(self.sources.faint);
             book(Tally { hits: tally.rays, ..tally }, &mut r);
         }

@@ -2,7 +2,8 @@
 //!
 //! Each source's unshadowed irradiance is known in closed form (or nearly); shadow rays measure the share that arrives.
 //! Few probes settle the texels that see all of a source or nothing; where they disagree, within the texel or with its
-//! neighbours, many rays follow. Sources that rows see well enough (large emitters, smooth sky) are left to the rows:
+//! neighbours, more rays follow, which soft shadows share ([`smooth`]); most go where that does not explain them, to
+//! edges. Sources that rows see well enough (large emitters, smooth sky) are left to the rows:
 //! [`Sources`] decides, and each is counted once. Patches that reflect much of this light are sources in their turn
 //! ([`Bounce`]).
 
@@ -13,6 +14,7 @@ mod lambert;
 mod measure;
 mod punctual;
 mod sky;
+mod smooth;
 mod volley;
 
 pub use sky::sky_cells;
@@ -93,7 +95,7 @@ const GATHERED_SHARE: f64 = 0.3;
 const GATHERED_SHARE_OF_MANY: f64 = 0.05;
 
 impl Direct {
-    /// Measures every patch. `rays` is the number of shadow rays a source where shadows are mixed.
+    /// Measures every patch. `rays` is the number of shadow rays a source where shadows are mixed, of edges four times that.
     pub fn measure(
         tracer: &Tracer,
         coverage: &Coverage,

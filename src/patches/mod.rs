@@ -129,6 +129,18 @@ impl Patches {
     }
 }
 
+/// True if one smooth surface may hold both of two places, each a position and a unit normal, at most `apart` metres from
+/// each other.
+pub fn continues([p, n]: [Vec3; 2], [q, m]: [Vec3; 2], apart: f32) -> bool {
+    let way = q - p;
+    n.dot(m) > SMOOTH && way.length_squared() < apart * apart && way.dot(n).abs() < SLOPE * way.length()
+}
+
+/// Cosine between the normals of one smooth surface, at least.
+const SMOOTH: f32 = 0.9;
+/// Slope of the way between two places of one smooth surface, at most.
+const SLOPE: f32 = 0.3;
+
 /// The patch that a hit meets.
 #[inline]
 pub fn seen(coverage: &Coverage, hit: &Hit) -> Seen {

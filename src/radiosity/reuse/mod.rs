@@ -11,7 +11,7 @@ use crate::{
     atlas::{Coverage, NO_TEXEL},
     error::Result,
     math::{Frame, luminance, simd::Level},
-    patches::Patches,
+    patches::{Patches, continues},
     progress::{Observer, check},
     trace::{Segment, Tracer},
     transport::Transport,
@@ -24,10 +24,6 @@ use trend::Sample;
 /// Edge of the squares of texels that share their rays, and how far beyond they look for more.
 const TILE: u32 = 4;
 const MARGIN: u32 = 1;
-/// Cosine between the normals of one smooth surface, at least.
-const SMOOTH: f32 = 0.9;
-/// Slope of the way between two texels of one smooth surface, at most.
-const SLOPE: f32 = 0.3;
 /// Height, in texels, above which something that stands between two texels parts them.
 const LIFT: f32 = 0.5;
 
@@ -129,12 +125,8 @@ impl Gather<'_> {
     fn continues(&self, a: u32, b: u32) -> bool {
         let (p, q) = (&self.transport.eyes[a as usize], &self.transport.eyes[b as usize]);
         let area = self.patches.area[a as usize].max(self.patches.area[b as usize]);
-        let way = q.position - p.position;
         // Texels of other charts may lie beside it on the page; half as far again allows for stretched ones.
-        let apart = 1.5 * std::f32::consts::SQRT_2 * (TILE + MARGIN) as f32;
-        a == b
-            || (p.normal.dot(q.normal) > SMOOTH
-                && way.length_squared() < apart * apart * area
-                && way.dot(p.normal).abs() < SLOPE * way.length())
+        let apart = 1.5 * std::f32::consts::SQRT_2 * (TILE + MARGIN) as f32 * area.sqrt();
+        a == b || continues([p.position, p.normal], [q.position, q.normal], apart)
     }
 }
