@@ -32,7 +32,7 @@ use crate::{
 };
 use figures::Point;
 use glam::{DVec3, Vec3};
-use path::{Bundle, Lights, Sum, net};
+use path::{Bundle, Lights, PARTS, Sum, net};
 use points::Texels;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -143,8 +143,6 @@ pub struct Reference {
 
 /// Places of either half of a point.
 const PLACES: u32 = 32;
-/// Parts among which the paths from a place are shared out, so that products at the place are of independent ones.
-const PARTS: usize = 2;
 /// Points between two looks at the clock.
 const ROUND: u32 = 32;
 /// Points that are enough for anything.
@@ -298,7 +296,7 @@ impl Halves {
             let on_surface = |k| footprint.at(net(k, 5, seed)).map(|(t, bary)| Place::on(world, t, bary, true));
             let places: Vec<Place> = (0..PLACES).filter_map(on_surface).collect();
             let mut sums = vec![Sum::default(); places.len() * PARTS];
-            halves.rays += bundle.walk(subject, lights, &places, each, seed, &mut sums);
+            halves.rays += bundle.walk(subject, lights, &places, each as usize, seed, &mut sums);
             halves.places += places.len();
             let each = f64::from(each) / PARTS as f64;
             let found = places.iter().zip(sums.chunks(PARTS)).filter(|(_, sums)| sums.iter().any(|s| s.open > 0));

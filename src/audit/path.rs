@@ -84,6 +84,9 @@ impl Random {
     }
 }
 
+/// Parts of the paths from a place that are independent of each other, so that products at the place have no bias.
+pub(super) const PARTS: usize = 2;
+
 /// Draws of a direction above the face before it is mirrored there.
 const DRAWS: u32 = 64;
 
@@ -101,6 +104,12 @@ impl<'s> Lights<'s> {
     }
 }
 
+/// Where a path's first vertex samples: each part of the paths has points of its own, spread evenly over the texel.
+fn first(path: usize, set: u32, seed: u32) -> Vec2 {
+    let (i, part) = (path / PARTS, path % PARTS);
+    net(i as u32, set, hash(seed, part as u32))
+}
+
 /// Point `i` of a net in the unit square; nets of different sets are independent.
 pub(super) fn net(i: u32, set: u32, seed: u32) -> Vec2 {
     let [x, y, ..] = sobol_burley::sample_4d(i, set, seed);
@@ -108,25 +117,22 @@ pub(super) fn net(i: u32, set: u32, seed: u32) -> Vec2 {
 }
 
 impl Bundle {
-    /// Walks `each` paths from every place; sums go to `sums`, `parts` for each place, its paths shared out among them.
+    /// Walks `each` paths from every place, shared out among its [`PARTS`] of `sums`.
     /// Returns the rays that were traced.
     pub fn walk(
         &mut self,
         subject: &Subject,
         lights: &Lights,
         places: &[Place],
-        each: u32,
+        each: usize,
         seed: u32,
         sums: &mut [Sum],
     ) -> u64 {
-        let parts = (sums.len() / places.len().max(1)) as u32;
         self.paths.clear();
-        for (k, place) in places.iter().enumerate() {
-            for j in 0..each {
-                let i = k as u32 * each + j;
-                let sum = k as u32 * parts + j % parts;
-                self.paths.push(Path { place: *place, weight: Vec3::ONE, sum, random: Random(hash(seed, i), 0) });
-            }
+        for i in 0..places.len() * each {
+            let sum = (i / each * PARTS + i % PARTS) as u32;
+            let random = Random(hash(seed, i as u32), 0);
+            self.paths.push(Path { place: places[i / each], weight: Vec3::ONE, sum, random });
         }
         let (mut rays, mut depth) = (0, 0);
         while !self.paths.is_empty() {
@@ -145,14 +151,7 @@ impl Bundle {
     }
 
     /// Adds the light that arrives at the paths' ends straight from its sources.
-    fn look_for_lights(
-        &mut self,
-        subject: &Subject,
-        lights: &Lights,
-        depth: u32,
-        seed: u32,
-        sums: &mut [Sum],
-    ) -> u64 {
+    fn look_for_lights(&mut self, subject: &Subject, lights: &Lights, depth: u32, seed: u32, sums: &mut [Sum]) -> u64 {
         let world = &subject.tracer.world;
         self.segments.clear();
         self.shots.clear();
@@ -161,7 +160,7 @@ impl Bundle {
         for (i, path) in self.paths.iter_mut().enumerate() {
             let place = &path.place;
             // The first vertex has points that are spread evenly, over all paths from a texel.
-            let mut pair = |set: u32| if depth == 0 { net(i as u32, set, seed) } else { path.random.pair() };
+            let mut pair = |set: u32| if depth == 0 { first(i, set, seed) } else { path.random.pair() };
             let mut shoot = |segment: Segment, light: Vec3, tinted: bool| {
                 self.segments.push(segment);
                 self.shots.push(Shot { sum: path.sum, light, tinted });
@@ -207,7 +206,7 @@ impl Bundle {
         for (i, path) in self.paths.iter_mut().enumerate() {
             let place = &path.place;
             let frame = place.frame();
-            let u = if depth == 0 { net(i as u32, 0, seed) } else { path.random.pair() };
+            let u = if depth == 0 { first(i, 0, seed) } else { path.random.pair() };
             let mut direction = frame.to_world(cosine_hemisphere(u));
             for _ in 0..DRAWS {
                 if direction.dot(place.face) > 0.0 {
