@@ -127,8 +127,8 @@ pub struct Interval {
 pub struct TexelSize {
     /// Root mean square over the mean.
     pub error: Interval,
-    /// Factor on the density of texels that would halve it, by how it grows at half the density; `None` where no density
-    /// would.
+    /// Factor on the density of texels that would halve it, by how it grows at half the density; `None` where that is lost in
+    /// noise, or no density would.
     pub density_to_halve: Option<f64>,
 }
 
