@@ -6,6 +6,7 @@
 
 use super::{Interval, TexelSize};
 use crate::math::hash;
+use rayon::prelude::*;
 
 /// What was found at one point. Three channels are averaged.
 #[derive(Clone, Copy, Debug, Default)]
@@ -80,9 +81,8 @@ pub(super) fn quantile(points: &[Point], share: f64, level: f64, seed: u32) -> O
     if used.len() < LEAST || whole <= 0.0 {
         return None;
     }
-    let mut values = Vec::new();
-    let mut of = |which: &mut dyn FnMut(usize) -> usize| {
-        values.clear();
+    let of = |which: &mut dyn FnMut(usize) -> usize| {
+        let mut values = Vec::with_capacity(used.len());
         let mut sums = [0.0; 2];
         for i in 0..used.len() {
             let (difference, squares) = used[which(i)];
@@ -97,6 +97,7 @@ pub(super) fn quantile(points: &[Point], share: f64, level: f64, seed: u32) -> O
     };
     let value = of(&mut |i| i);
     let mut found: Vec<f64> = (0..RESAMPLES)
+        .into_par_iter()
         .map(|r| {
             let mut random = Random::new(seed, r);
             of(&mut |_| random.below(used.len()))
@@ -131,6 +132,7 @@ fn studentized(pairs: &[[f64; 2]], power: f64, level: f64, seed: u32) -> Option<
         return None;
     }
     let mut found: Vec<f64> = (0..RESAMPLES)
+        .into_par_iter()
         .filter_map(|r| {
             let mut random = Random::new(seed, r);
             let drawn: Vec<[f64; 2]> = pairs.iter().map(|_| pairs[random.below(pairs.len())]).collect();

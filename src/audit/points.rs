@@ -1,14 +1,14 @@
 //! The points of an audit: texels by their area, and what they are.
 
 use super::Subject;
-use crate::{atlas::NO_TEXEL, math::luminance};
+use crate::atlas::NO_TEXEL;
 use glam::{DVec2, IVec2};
 
 /// Texels that can be drawn: those on visible pages.
 pub(super) struct Texels {
     /// Running sum of area, m^2.
     until: Vec<f64>,
-    /// Luminance of the map at or below which half of the area lies.
+    /// Sum of the map's channels at or below which half of the area lies.
     middle: f32,
 }
 
@@ -28,7 +28,7 @@ impl Texels {
                 sum
             })
             .collect();
-        let mut by_light: Vec<(f32, f64)> = (0..visible).map(|t| (luminance(subject.value(t)), area(t))).collect();
+        let mut by_light: Vec<(f32, f64)> = (0..visible).map(|t| (subject.value(t).element_sum(), area(t))).collect();
         by_light.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
         let mut below = 0.0;
         let half = by_light.iter().find(|(_, area)| {
@@ -47,7 +47,7 @@ impl Texels {
     /// True for the darker half of the area, by the map: a reference that is noisy itself would choose where it errs
     /// towards the dark.
     pub fn is_dark(&self, subject: &Subject, texel: usize) -> bool {
-        luminance(subject.value(texel)) <= self.middle
+        subject.value(texel).element_sum() <= self.middle
     }
 }
 
