@@ -63,6 +63,8 @@ impl<'s> Blank<'s> {
     /// Gives every texel a value.
     fn paint(&mut self, value: impl Fn(usize) -> Vec3) {
         let page = &mut self.lightmaps.pages[0];
+        // Look-ups touch the gutters.
+        page.irradiance.fill(value(0));
         for (i, t) in self.coverage.texels.iter().enumerate() {
             page.irradiance[(t.at.y * page.size.x + t.at.x) as usize] = value(i);
         }

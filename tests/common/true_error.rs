@@ -71,6 +71,11 @@ pub fn held(mut stage: Stage, seed: u32, points: u32, more: u32) -> Held {
         true_error(&subject, &audit::Options { paths: options.paths * more, seed: !seed, ..options });
     let found = [audit.error, audit.dark, audit.border, audit.bias, audit.median, audit.p95];
     let holds = |(i, x): (Option<Interval>, f64)| i.is_none_or(|i| i.low <= x && x <= i.high);
+    for (i, x) in found.iter().zip(figures) {
+        let off = i.map(|i| format!("{x:.4} in {:.4} to {:.4}", i.low, i.high));
+        print!("{}; ", off.unwrap_or("-".into()));
+    }
+    println!();
     let pairs = found.into_iter().zip(figures);
     let counts: Vec<u32> = pairs.map(|pair| u32::from(holds(pair))).collect();
     Held { of: 1, counts: counts.try_into().unwrap() }
