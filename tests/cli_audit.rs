@@ -81,6 +81,7 @@ fn files_that_are_not_baked_are_refused() {
     assert_eq!((said.code, said.out.as_str()), (3, ""));
     assert!(said.err.contains("has no lightmap") && said.err.contains("luxel bake"), "{}", said.err);
     assert_eq!(folder.luxel("audit none.glb").code, 3);
+    assert_eq!(folder.files(), ["room.gltf"]);
 }
 
 #[test]

@@ -113,7 +113,7 @@ pub(super) fn texel_size(points: &[Point], level: f64, seed: u32) -> Option<Texe
     let error = over(points, level, seed, |_| true, |p| p.lookups[0], |p| p.truth)?;
     let [own, halved] = [0, 1].map(|k| mean(points, |p| p.lookups[k]));
     // A power law between the two densities; where a finer map is hardly better, texels are not what errs.
-    let power = if own > 0.0 && halved > own { 0.5 * (halved / own).log2() } else { 0.0 };
+    let power = if own > 0.0 && halved > own { 0.5 * libm::log2(halved / own) } else { 0.0 };
     let density_to_halve = (power > 0.25).then(|| libm::exp2(1.0 / power));
     Some(TexelSize { error, density_to_halve })
 }
@@ -197,7 +197,7 @@ mod tests {
             let mut random = Random::new(77, *s);
             let mut unit = || (random.below(1 << 30) as f64 + 0.5) / f64::from(1 << 30);
             // Squares of exponentials: mean 2, skewness above 6.
-            let pairs: Vec<[f64; 2]> = (0..150).map(|_| [unit().ln().powi(2), 1.0]).collect();
+            let pairs: Vec<[f64; 2]> = (0..150).map(|_| [libm::log(unit()).powi(2), 1.0]).collect();
             let found = studentized(&pairs, 2.0, 0.95, *s).unwrap();
             found.low <= 2.0 && 2.0 <= found.high
         });

@@ -86,7 +86,7 @@ fn a_picture_of_the_sky() {
     let radiance = |i: u32| if (i / 64, i % 64) == (8, 5) { 500.0 } else { 0.3 };
     let radiance = (0..64 * 32).map(|i| Vec3::splat(radiance(i))).collect();
     stage.scene.sky = Sky::Map(SkyMap { width: 64, height: 32, radiance, rotation: 0.4 });
-    let square = |row: f64| (PI * row / 32.0).sin().powi(2);
+    let square = |row: f64| libm::sin(PI * row / 32.0).powi(2);
     let peak = (500.0 - 0.3) * 2.0 * PI / 64.0 * (square(9.0) - square(8.0)) / 2.0;
     assert_floor(stage, 2, 64, 0.01, |_| 0.3 * PI + peak);
 }
