@@ -144,7 +144,7 @@ pub struct Reference {
 /// Places of either half of a point.
 const PLACES: u32 = 32;
 /// Points between two looks at the clock.
-const ROUND: u32 = 32;
+const ROUND: u32 = 16;
 /// Points that are enough for anything.
 const MOST: u32 = 1 << 24;
 /// A texel of which more is enclosed is left out.

@@ -73,7 +73,7 @@ pub fn run(args: &args::Audit) -> Result<ExitCode> {
     let audit = Audit::of(&subject, &Options { budget, seed: args.seed, ..Options::default() }, &observer);
     observer.finish();
     let audit = audit?;
-    said.add(record.bounces.map(|n| partial(n)).into_iter().collect());
+    said.add(record.bounces.map(partial).into_iter().collect());
     console::tell(&audit, report, on_stdout, || summary::audit(&audit))?;
     Ok(ExitCode::SUCCESS)
 }

@@ -112,7 +112,7 @@ fn time_is_kept() {
     let start = Instant::now();
     let budget = Budget::Time(Duration::from_millis(800));
     let audit = Audit::of(&blank.subject(), &Options { budget, ..Options::default() }, &Silent).unwrap();
-    assert!(audit.points >= 32 && start.elapsed() < Duration::from_secs(4), "{audit:?}");
+    assert!(audit.points >= 16 && start.elapsed() < Duration::from_secs(4), "{audit:?}");
 }
 
 /// A map of nothing, and one of which too little is drawn.
