@@ -61,7 +61,8 @@ pub struct Options {
     pub paths: u32,
     /// Other seeds draw other points and other paths, independent of those of this one. Default: 0.
     pub seed: u32,
-    /// Share of audits whose intervals hold the truth, (0, 1). Default: .95.
+    /// Nominal share of audits whose intervals hold the truth, (0, 1); less where few texels carry most of the error.
+    /// Default: .95.
     pub level: f64,
 }
 
@@ -93,7 +94,7 @@ pub struct Audit {
     pub rays: u64,
     /// Wall time.
     pub seconds: f64,
-    /// Share of audits whose intervals hold the truth.
+    /// Nominal share of audits whose intervals hold the truth.
     pub level: f64,
     /// Root mean square error over the mean.
     pub error: Option<Interval>,

@@ -185,7 +185,7 @@ Examples:
   luxel audit scene.lit.glb --points 2000
       the same figures on any machine
 
-Errors are root mean squares over the mean; in brackets the interval that holds the truth in 95 of 100 audits.
+Errors are root mean squares over the mean; in brackets their nominal 95 % confidence intervals.
 
 Exit codes: 0 done; 1 failed; 2 wrong usage; 3 the input is missing, invalid or not baked; 130 interrupted.";
 
