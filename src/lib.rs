@@ -31,6 +31,8 @@ pub mod radiosity;
 
 pub mod lightmaps;
 
+pub mod audit;
+
 pub mod gltf;
 
 pub mod bake;

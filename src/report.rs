@@ -44,12 +44,35 @@ pub struct Report {
     pub turned_texels: usize,
     /// Relative jump of irradiance across chart seams, 95th percentile.
     pub seam_jump_p95: Option<f64>,
+    /// Under which light, where it was chosen by options.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub light: Option<LightReport>,
     /// Peak resident memory of the process, in MB.
     pub peak_memory_mb: u64,
     /// Everything the user should know, one sentence each.
     pub warnings: Vec<String>,
     /// What was done on the way and is as it should be, one sentence each.
     pub notes: Vec<String>,
+}
+
+/// The options by which the light was chosen, as they are typed. They go into the lit file, for its audit.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct LightReport {
+    /// `--sky`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sky: Option<String>,
+    /// `--sun`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sun: Option<String>,
+    /// `--light-scale`.
+    #[serde(rename = "lightScale")]
+    pub light_scale: f32,
+    /// `--max-reflectance`.
+    #[serde(rename = "maxReflectance")]
+    pub max_reflectance: f32,
+    /// `--exclude`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub exclude: Vec<String>,
 }
 
 /// Sizes of the scene.

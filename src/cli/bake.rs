@@ -1,7 +1,7 @@
 //! `luxel bake`: read, bake, write, tell.
 
 use super::{
-    args, camera, console, lights, outputs,
+    args, audit, camera, console, lights, outputs,
     outputs::Outputs,
     pictures,
     progress::Progress,
@@ -10,14 +10,16 @@ use super::{
 };
 use luxel::{
     atlas,
+    audit::Audit,
     bake::{self, Baked, Options},
     error::{Error, Result},
-    files, gltf, memory, preview, progress, radiosity,
-    report::Report,
+    gltf, memory, preview, progress, radiosity,
+    report::{LightReport, Report},
     scene::{Camera, Scene},
     transport,
 };
-use std::{path::Path, process::ExitCode};
+use serde::Serialize;
+use std::process::ExitCode;
 
 /// Bakes as the options say.
 pub fn run(args: &args::Bake) -> Result<ExitCode> {
@@ -38,6 +40,12 @@ pub fn run(args: &args::Bake) -> Result<ExitCode> {
     let baked = bake::bake(&scene, &options, &observer);
     observer.finish();
     let mut baked = baked?;
+    let audit = args.audit.then(|| audit::of_bake(&baked, &options, &observer)).transpose()?;
+    observer.finish();
+    if let (true, Some(bounces)) = (args.audit, options.radiosity.bounces) {
+        said.add(vec![audit::partial(bounces)]);
+    }
+    baked.report.light = Some(light(args));
     said.add(std::mem::take(&mut baked.report.warnings));
     baked.report.warnings = said.all.clone();
 
@@ -46,18 +54,20 @@ pub fn run(args: &args::Bake) -> Result<ExitCode> {
     let notes = written.said.notes;
     notes.iter().filter(|_| !args.quiet).for_each(|text| console::information(text));
     let report = Report { warnings: said.all, notes, peak_memory_mb: memory::peak_mb(), ..baked.report };
-    tell(&report, &outputs, &written.extras)?;
+    tell(&Told { report: &report, audit: audit.as_ref() }, &outputs, &written.extras)?;
     Ok(ExitCode::from(u8::from(args.strict && !report.warnings.is_empty())))
 }
 
 /// What the user should know, each sentence once, on stderr as soon as it is known.
 #[derive(Default)]
-struct Warnings {
-    all: Vec<String>,
+pub struct Warnings {
+    /// All that was said.
+    pub all: Vec<String>,
 }
 
 impl Warnings {
-    fn add(&mut self, sentences: Vec<String>) {
+    /// Says what is new.
+    pub fn add(&mut self, sentences: Vec<String>) {
         for sentence in sentences {
             if !self.all.contains(&sentence) {
                 console::warning(&sentence);
@@ -97,7 +107,8 @@ fn options(args: &args::Bake) -> Result<Options> {
     Ok(Options { atlas, transport, max_reflectance, radiosity, content, ..Options::default() })
 }
 
-fn start_threads(threads: Option<usize>) -> Result<()> {
+/// Starts as many threads as are wished for.
+pub fn start_threads(threads: Option<usize>) -> Result<()> {
     let Some(n) = threads else { return Ok(()) };
     // Hundreds of threads on a few processors spend their time waking one another.
     let most = 4 * std::thread::available_parallelism().map_or(1, |n| n.get());
@@ -139,15 +150,27 @@ fn write<'a>(
     Ok(Written { said, extras })
 }
 
-fn tell(report: &Report, outputs: &Outputs, extras: &[Extra]) -> Result<()> {
-    let json = || {
-        let json = serde_json::to_string_pretty(report).map(|text| text + "\n");
-        json.map_err(|e| Error::writing(outputs.report.as_deref().unwrap_or(Path::new("-")), e.into()))
-    };
-    if let Some(file) = &outputs.report {
-        let json = json()?;
-        files::write_whole(file, |out| out.write_all(json.as_bytes()))?;
+/// The report's JSON, and the audit's in it.
+#[derive(Serialize)]
+struct Told<'a> {
+    #[serde(flatten)]
+    report: &'a Report,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    audit: Option<&'a Audit>,
+}
+
+/// The options that an audit of the lit file has to know.
+fn light(args: &args::Bake) -> LightReport {
+    LightReport {
+        sky: args.sky.as_ref().map(ToString::to_string),
+        sun: args.sun.as_ref().map(ToString::to_string),
+        light_scale: args.light_scale,
+        max_reflectance: args.max_reflectance,
+        exclude: args.exclude.clone(),
     }
-    let text = if outputs.report_on_stdout { json()? } else { summary::text(report, &outputs.scene, extras) };
-    console::print(&text)
+}
+
+fn tell(told: &Told, outputs: &Outputs, extras: &[Extra]) -> Result<()> {
+    let text = || summary::text(told.report, told.audit, &outputs.scene, extras);
+    console::tell(told, outputs.report.as_deref(), outputs.report_on_stdout, text)
 }

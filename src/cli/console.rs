@@ -1,6 +1,10 @@
 //! Lines for the user. A closed pipe ends the talk, never the program.
 
-use luxel::error::{Error, Result};
+use luxel::{
+    error::{Error, Result},
+    files,
+};
+use serde::Serialize;
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 
@@ -23,6 +27,20 @@ pub fn warning(text: &str) {
 /// Why it failed, and what to do.
 pub fn error(error: &Error) {
     note(&format!("error: {error}"));
+}
+
+/// The result: `text` on stdout, or its JSON there or in a file beside it.
+pub fn tell(told: &impl Serialize, file: Option<&Path>, on_stdout: bool, text: impl FnOnce() -> String) -> Result<()> {
+    let json = || {
+        let json = serde_json::to_string_pretty(told).map(|text| text + "\n");
+        json.map_err(|e| Error::writing(file.unwrap_or(Path::new("-")), e.into()))
+    };
+    if let Some(file) = file {
+        let json = json()?;
+        files::write_whole(file, |out| out.write_all(json.as_bytes()))?;
+    }
+    let text = if on_stdout { json()? } else { text() };
+    print(&text)
 }
 
 /// The result, on stdout.

@@ -1,9 +1,10 @@
-//! The command line: arguments to a bake, a bake to files, text and an exit code. The only code that knows clap.
+//! The command line: arguments to a bake or an audit, a bake to files, text and an exit code. The only code that knows clap.
 //!
 //! stdout carries the result (a summary, or the report's JSON); stderr everything else.
 //! Exit: 0 done, 1 failed (with `--strict` also: done with warnings), 2 wrong usage, 3 input, 130 interrupted.
 
 mod args;
+mod audit;
 mod bake;
 mod camera;
 mod console;
@@ -31,6 +32,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     };
     let result = match args.command {
         Command::Bake(options) => bake::run(&options),
+        Command::Audit(options) => audit::run(&options),
     };
     result.unwrap_or_else(|error| {
         console::error(&error);

@@ -1,6 +1,9 @@
 //! The result in words: a few aligned lines about the bake, for people.
 
-use luxel::report::{PageReport, Report};
+use luxel::{
+    audit::{Audit, Interval, TexelSize},
+    report::{PageReport, Report},
+};
 use std::{fmt::Write, path::Path};
 
 /// A file beside the lit scene, and the exposure it was made with.
@@ -14,7 +17,7 @@ pub struct Extra<'a> {
 }
 
 /// One line a subject.
-pub fn text(report: &Report, out: &Path, extras: &[Extra]) -> String {
+pub fn text(report: &Report, audit: Option<&Audit>, out: &Path, extras: &[Extra]) -> String {
     let mut lines = vec![("output", out.display().to_string()), ("pages", pages(&report.pages))];
     lines.push(("texels", format!("{}{}", count(report.texels as u64), density(report))));
     if report.receivers > 0 && report.receivers != report.texels {
@@ -34,7 +37,42 @@ pub fn text(report: &Report, out: &Path, extras: &[Extra]) -> String {
     for extra in extras {
         lines.push((extra.name, format!("{}, exposure {}", extra.file.display(), digits(extra.exposure.into()))));
     }
+    lines.extend(audit.into_iter().flat_map(audited));
     lines.push(("warnings", report.warnings.len().to_string()));
+    aligned(&lines)
+}
+
+/// An audit alone.
+pub fn audit(audit: &Audit) -> String {
+    aligned(&audited(audit))
+}
+
+/// Figures and what they were found with.
+fn audited(audit: &Audit) -> Vec<(&'static str, String)> {
+    let figure = |name: &str, i: Option<Interval>| match i {
+        Some(Interval { value, low, high }) => {
+            let [value, low, high] = [value, low, high].map(|x| format!("{:.2}", 100.0 * x));
+            format!("{name} {value} % ({low} to {high})")
+        }
+        None => format!("{name} unknown"),
+    };
+    let errors = [("error", audit.error), ("dark", audit.dark), ("borders", audit.border), ("bias", audit.bias)];
+    let spread = [("median", audit.median), ("95th percentile", audit.p95)];
+    let list = |all: &[(&str, Option<Interval>)]| all.iter().map(|(n, i)| figure(n, *i)).collect::<Vec<_>>().join(", ");
+    let effort = format!("{:.0} % intervals, {} points", 100.0 * audit.level, count(audit.points as u64));
+    let left_out = if audit.enclosed > 0 { format!(", {} enclosed", count(audit.enclosed as u64)) } else { "".into() };
+    let mut lines = vec![
+        ("audit", format!("{}; {effort}{left_out}, {:.2} s", list(&errors), audit.seconds)),
+        ("texels off", list(&spread)),
+    ];
+    if let Some(TexelSize { error, density_to_halve }) = audit.texel_size {
+        let remedy = density_to_halve.map(|d| format!("; {d:.1} times the density would halve it"));
+        lines.push(("texel size", figure("look-ups at points", Some(error)) + &remedy.unwrap_or_default()));
+    }
+    lines
+}
+
+fn aligned(lines: &[(&str, String)]) -> String {
     lines.iter().fold(String::new(), |mut text, (name, value)| {
         let _ = writeln!(text, "{name:<10} {value}");
         text
@@ -123,7 +161,7 @@ mod tests {
 
     #[test]
     fn an_empty_report_has_a_summary() {
-        let text = text(&Report::default(), Path::new("a.lit.glb"), &[]);
+        let text = text(&Report::default(), Some(&Audit::default()), Path::new("a.lit.glb"), &[]);
         assert!(text.starts_with("output     a.lit.glb\n") && text.ends_with("warnings   0\n"), "{text}");
         assert!(!text.contains("NaN") && !text.contains("inf"), "{text}");
     }

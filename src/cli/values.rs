@@ -2,7 +2,11 @@
 
 use glam::{DVec3, Vec3};
 use luxel::files::has_extension;
-use std::path::{Path, PathBuf};
+use std::{
+    fmt,
+    path::{Path, PathBuf},
+    time::Duration,
+};
 
 /// `--sky`.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,6 +30,21 @@ pub struct SunWish {
     pub angle: f32,
 }
 
+impl fmt::Display for SkyWish {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            SkyWish::Uniform(l) => write!(f, "{},{},{}", l.x, l.y, l.z),
+            SkyWish::Picture(file, scale, rotation) => write!(f, "{},{scale},{rotation}", file.display()),
+        }
+    }
+}
+
+impl fmt::Display for SunWish {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "{},{},{},{}", self.azimuth, self.elevation, self.lux, self.angle)
+    }
+}
+
 /// `--camera`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraWish {
@@ -46,6 +65,15 @@ pub fn density(text: &str) -> Parsed<f64> {
 /// Factor on lights.
 pub fn light_scale(text: &str) -> Parsed<f32> {
     within(number(text)?, 0.0, 1e9, "the factor").map(|x| x as f32)
+}
+
+/// A time: `20s`, `1.5m`; without a unit, seconds.
+pub fn time(text: &str) -> Parsed<Duration> {
+    let (digits, unit) = match text.strip_suffix('m') {
+        Some(minutes) => (minutes, 60.0),
+        None => (text.strip_suffix('s').unwrap_or(text), 1.0),
+    };
+    within(number(digits)? * unit, 0.01, 86400.0, "the time in seconds").map(Duration::from_secs_f64)
 }
 
 /// Largest reflectance.
@@ -170,6 +198,25 @@ mod tests {
             ["", "1", "1,2", "1,2,3,4", "-1,0,0", "nan,0,0", "inf,0,0", "a.png", "a.hdr,x", "a.hdr,-1", "a.hdr,1,2,3"]
         {
             assert!(sky(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn wishes_are_read_as_they_are_written() {
+        for text in ["1,0.5,2000", "C:/my sky, noon.EXR,2,-90"] {
+            let wish = sky(text).unwrap();
+            assert_eq!(sky(&wish.to_string()), Ok(wish));
+        }
+        let wish = sun("-30,45.1,1e5").unwrap();
+        assert_eq!(sun(&wish.to_string()), Ok(wish));
+    }
+
+    #[test]
+    fn times() {
+        assert_eq!((time("20s"), time("1.5m")), (Ok(Duration::from_secs(20)), Ok(Duration::from_secs(90))));
+        assert_eq!(time(".5"), Ok(Duration::from_millis(500)));
+        for wrong in ["", "0", "-1s", "nan", "1h", "1e9"] {
+            assert!(time(wrong).is_err(), "{wrong}");
         }
     }
 

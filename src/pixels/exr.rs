@@ -51,6 +51,13 @@ pub fn encode(size: UVec2, values: &[Vec3], float: bool) -> Result<Encoded, Stri
     Ok(Encoded { bytes: bytes.into_inner(), scale })
 }
 
+/// Width and height as the header of an EXR file says, before anything is allocated by it.
+pub fn size(bytes: &[u8]) -> Result<UVec2, String> {
+    let meta = ::exr::meta::MetaData::read_from_buffered(bytes, false).map_err(|e| e.to_string())?;
+    let size = meta.headers.first().ok_or("it has no layer")?.layer_size;
+    Ok(UVec2::new(size.width().try_into().unwrap_or(u32::MAX), size.height().try_into().unwrap_or(u32::MAX)))
+}
+
 /// Decodes the R G B channels of an EXR file, rows from the top, not yet multiplied by the page's scale.
 pub fn decode(bytes: &[u8]) -> Result<(UVec2, Vec<Vec3>), String> {
     let image = read()

@@ -7,6 +7,7 @@
 //! glTF 2.0; <https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html>.
 
 mod accessors;
+mod baked;
 mod cameras;
 mod container;
 mod extensions;
@@ -18,6 +19,8 @@ mod source;
 mod textures;
 mod warnings;
 mod wishes;
+
+pub use baked::{Bound, Record, bound, record};
 
 use crate::{
     error::{Error, Result},
@@ -62,7 +65,16 @@ pub struct Input {
 
 /// Reads the glTF file (.glb or .gltf) at `path`.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Input> {
-    let document = container::open(path)?;
+    read_scene(open(path)?, options)
+}
+
+/// Opens the glTF file (.glb or .gltf) at `path`, and looks no further.
+pub fn open(path: &Path) -> Result<Document> {
+    container::open(path)
+}
+
+/// Reads the scene that `document` describes.
+pub fn read_scene(document: Document, options: &ReadOptions) -> Result<Input> {
     let mut warnings = Warnings::default();
     let scene = scene(&Source::new(&document)?, options, &mut warnings)?;
     Ok(Input { document, scene, warnings: warnings.sentences() })

@@ -77,6 +77,7 @@ fn short(report: &Report) -> Value {
         "relativeBound": report.solver.relative_bound,
         "energyImbalance": report.energy.imbalance,
         "warnings": report.warnings.len(),
+        "light": report.light,
     }));
     short.retain(|_, value| !value.is_null());
     short.into()

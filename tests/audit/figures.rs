@@ -1,0 +1,141 @@
+//! What an audit says of maps whose errors are known.
+
+use crate::{
+    Blank, both,
+    common::{rooms, scenes::unit_room, stage::Stage, true_error},
+    laid_out,
+};
+use glam::Vec3;
+use luxel::{
+    audit::{Audit, Budget, Interval, Options},
+    math::{hash, unit_float},
+    progress::Silent,
+    scene::Scene,
+};
+use std::time::{Duration, Instant};
+
+/// A furnace: E = 2 at every texel.
+fn furnace() -> (Scene, u32) {
+    let mut stage = Stage::new();
+    let material = stage.material(0.5, 1.0);
+    unit_room().all(&mut stage, material, 16);
+    laid_out(stage)
+}
+
+#[track_caller]
+fn holds(i: Option<Interval>, x: f64, widest: f64) {
+    let i = i.expect("enough points");
+    assert!(i.low <= x && x <= i.high, "{i:?} does not hold {x}");
+    assert!(i.high - i.low < widest, "{i:?} is wider than {widest}");
+}
+
+/// Quantiles are not exact: noise is taken off by a rule of thumb.
+#[track_caller]
+fn near(i: Option<Interval>, x: f64) {
+    let i = i.expect("enough points");
+    assert!((i.value / x - 1.0).abs() < 0.15, "{i:?} is not near {x}");
+}
+
+#[test]
+fn a_factor_is_found_as_bias_and_as_error() {
+    let (scene, edge) = furnace();
+    let mut blank = Blank::new(&scene, edge);
+    blank.paint(|_| Vec3::splat(2.0 * 1.02));
+    let audit = blank.audit(300, 0);
+    holds(audit.bias, 0.02, 0.006);
+    holds(audit.error, 0.02, 0.008);
+    holds(audit.dark, 0.02, 0.008);
+    near(audit.median, 0.02);
+}
+
+#[test]
+fn noise_is_found_as_error_without_bias() {
+    let (scene, edge) = furnace();
+    let mut blank = Blank::new(&scene, edge);
+    // Even in +-.03 sqrt(3): root mean square .03, median .026, 95th percentile .0494.
+    let off = |i: usize, c: u32| 0.03 * 3f32.sqrt() * (2.0 * unit_float(hash(i as u32, c)) - 1.0);
+    let grey = |i: usize| Vec3::splat(2.0 * (1.0 + off(i, 0)));
+    blank.paint(grey);
+    let audit = blank.audit(500, 1);
+    holds(audit.error, 0.03, 0.006);
+    holds(audit.border, 0.03, 0.015);
+    holds(audit.bias, 0.0, 0.008);
+    near(audit.median, 0.026);
+    near(audit.p95, 0.0494);
+    // Noise is in look-ups, too, averaged by the filter: (4/9)^2 of its power away from borders.
+    let size = audit.texel_size.expect("enough points");
+    assert!(size.error.low > 0.01 && size.error.high < 0.03, "{size:?}");
+    assert_eq!(size.density_to_halve, None, "texels are not what errs");
+}
+
+/// A perfect map has no error that could be told from 0, though every half of every point is noisy.
+#[test]
+fn a_perfect_map_is_perfect() {
+    let (scene, edge) = furnace();
+    let mut blank = Blank::new(&scene, edge);
+    blank.paint(|_| Vec3::splat(2.0));
+    let audit = blank.audit(300, 2);
+    holds(audit.error, 0.0, 0.01);
+    holds(audit.bias, 0.0, 0.006);
+}
+
+/// The intervals of bakes of small rooms hold their true errors. (`tools/audit.rs` does it for a hundred.)
+#[test]
+fn intervals_hold_true_errors() {
+    let mut held = true_error::Held::default();
+    for seed in 0..10 {
+        held += true_error::held(rooms::seeded(seed), seed, 100, 2);
+    }
+    println!("{held}");
+    assert!(held.is_enough(), "{held}");
+}
+
+#[test]
+fn threads_do_not_matter_and_seeds_do() {
+    let (scene, edge) = laid_out(rooms::seeded(3));
+    let mut blank = Blank::new(&scene, edge);
+    blank.paint(|_| Vec3::splat(0.5));
+    let on = |threads: usize, seed: u32| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        Audit { seconds: 0.0, ..pool.install(|| blank.audit(70, seed)) }
+    };
+    let [one, three, other] = [on(1, 0), on(3, 0), on(1, 1)].map(|a| format!("{a:?}"));
+    assert_eq!(one, three);
+    assert_ne!(one, other);
+}
+
+#[test]
+fn time_is_kept() {
+    // Other tests run at the same time.
+    let (scene, edge) = furnace();
+    let blank = Blank::new(&scene, edge);
+    let start = Instant::now();
+    let budget = Budget::Time(Duration::from_millis(800));
+    let audit = Audit::of(&blank.subject(), &Options { budget, ..Options::default() }, &Silent).unwrap();
+    assert!(audit.points >= 16 && start.elapsed() < Duration::from_secs(4), "{audit:?}");
+}
+
+/// A map of nothing, and one of which too little is drawn.
+#[test]
+fn too_little_is_said_to_be_so() {
+    let (scene, edge) = furnace();
+    let mut blank = Blank::new(&scene, edge);
+    assert_eq!(blank.audit(9, 0).error, None);
+    blank.lightmaps.pages.clear();
+    let audit = blank.audit(100, 0);
+    assert_eq!((audit.points, audit.error), (0, None));
+}
+
+/// Halves do not know of each other: over many texels their errors cancel in the product.
+#[test]
+fn halves_are_independent() {
+    let (scene, edge) = furnace();
+    let blank = Blank::new(&scene, edge);
+    let found = blank.truth(16);
+    let off = |r: &luxel::audit::Reference| r.halves.map(|h| h.x - 2.0);
+    let product: f64 = found.iter().map(off).map(|[a, b]| a * b).sum();
+    let square: f64 = found.iter().map(off).map(|[a, b]| (a * a + b * b) * 0.5).sum();
+    let n = found.len() as f64;
+    assert!((product / square).abs() < 4.0 / n.sqrt(), "correlation {}", product / square);
+    assert!((found.iter().map(both).sum::<f64>() / n - 2.0).abs() < 0.01);
+}
