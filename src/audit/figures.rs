@@ -11,6 +11,8 @@ use rayon::prelude::*;
 /// What was found at one point. Three channels are averaged.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Point {
+    /// Area that it stands for, 1 on average.
+    pub weight: f64,
     /// What the map says.
     pub value: f64,
     /// The mean of both halves.
@@ -58,14 +60,14 @@ fn over(
     square: impl Fn(&Point) -> f64,
     truth: impl Fn(&Point) -> f64,
 ) -> Option<Interval> {
-    let pairs: Vec<[f64; 2]> = points.iter().filter(|p| keep(p)).map(|p| [square(p), truth(p)]).collect();
+    let pairs: Vec<Pair> = points.iter().filter(|p| keep(p)).map(|p| [square(p), truth(p), p.weight]).collect();
     let found = studentized(&pairs, 2.0, level, seed)?;
     Some(found.map(|x| x.max(0.0).sqrt()))
 }
 
 /// The mean of the map over that of the truth, less 1.
 pub(super) fn bias(points: &[Point], level: f64, seed: u32) -> Option<Interval> {
-    let pairs: Vec<[f64; 2]> = points.iter().map(|p| [p.value - p.truth, p.truth]).collect();
+    let pairs: Vec<Pair> = points.iter().map(|p| [p.value - p.truth, p.truth, p.weight]).collect();
     studentized(&pairs, 1.0, level, seed)
 }
 
@@ -73,27 +75,33 @@ pub(super) fn bias(points: &[Point], level: f64, seed: u32) -> Option<Interval> 
 /// mean square is that without noise: not exact, unlike the other figures.
 pub(super) fn quantile(points: &[Point], share: f64, level: f64, seed: u32) -> Option<Interval> {
     let whole = mean(points, |p| p.truth);
-    let used: Vec<(f64, [f64; 2])> = points
+    let used: Vec<(f64, [f64; 2], f64)> = points
         .iter()
         .filter(|p| p.value > BLACK * whole)
-        .map(|p| (((p.value - p.truth) / p.value).abs(), p.relative.map(|r| r / (p.value * p.value))))
+        .map(|p| (((p.value - p.truth) / p.value).abs(), p.relative.map(|r| r / (p.value * p.value)), p.weight))
         .collect();
     if used.len() < LEAST || whole <= 0.0 {
         return None;
     }
     let of = |which: &mut dyn FnMut(usize) -> usize| {
         let mut values = Vec::with_capacity(used.len());
-        let mut sums = [0.0; 2];
+        let (mut sums, mut all) = ([0.0; 2], 0.0);
         for i in 0..used.len() {
-            let (difference, squares) = used[which(i)];
-            values.push(difference);
-            sums[0] += squares[0];
-            sums[1] += squares[1];
+            let (difference, squares, weight) = used[which(i)];
+            values.push((difference, weight));
+            sums[0] += squares[0] * weight;
+            sums[1] += squares[1] * weight;
+            all += weight;
         }
-        let k = (share * (values.len() - 1) as f64).round() as usize;
-        let (_, at, _) = values.select_nth_unstable_by(k, f64::total_cmp);
+        values.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        let mut below = 0.0;
+        let reaches = |v: &&(f64, f64)| {
+            below += v.1;
+            below >= share * all
+        };
+        let at = values.iter().find(reaches).or(values.last()).map_or(0.0, |v| v.0);
         let narrower = if sums[1] > 0.0 { (sums[0] / sums[1]).clamp(0.0, 1.0).sqrt() } else { 0.0 };
-        *at * narrower
+        at * narrower
     };
     let value = of(&mut |i| i);
     let mut found: Vec<f64> = (0..RESAMPLES)
@@ -119,11 +127,15 @@ pub(super) fn texel_size(points: &[Point], level: f64, seed: u32) -> Option<Texe
 }
 
 fn mean(points: &[Point], of: impl Fn(&Point) -> f64) -> f64 {
-    points.iter().map(of).sum::<f64>() / points.len().max(1) as f64
+    let weights: f64 = points.iter().map(|p| p.weight).sum();
+    points.iter().map(|p| p.weight * of(p)).sum::<f64>() / weights.max(f64::MIN_POSITIVE)
 }
 
-/// Interval of mean(a) / mean(b)^power over pairs (a, b).
-fn studentized(pairs: &[[f64; 2]], power: f64, level: f64, seed: u32) -> Option<Interval> {
+/// Two values and the weight of both.
+type Pair = [f64; 3];
+
+/// Interval of mean(a) / mean(b)^power over weighted pairs (a, b).
+fn studentized(pairs: &[Pair], power: f64, level: f64, seed: u32) -> Option<Interval> {
     if pairs.len() < LEAST {
         return None;
     }
@@ -135,7 +147,7 @@ fn studentized(pairs: &[[f64; 2]], power: f64, level: f64, seed: u32) -> Option<
         .into_par_iter()
         .filter_map(|r| {
             let mut random = Random::new(seed, r);
-            let drawn: Vec<[f64; 2]> = pairs.iter().map(|_| pairs[random.below(pairs.len())]).collect();
+            let drawn: Vec<Pair> = pairs.iter().map(|_| pairs[random.below(pairs.len())]).collect();
             let (v, e) = ratio(drawn.iter().copied(), power);
             let t = (v - value) / e;
             t.is_finite().then_some(t)
@@ -150,14 +162,14 @@ fn studentized(pairs: &[[f64; 2]], power: f64, level: f64, seed: u32) -> Option<
 }
 
 /// mean(a) / mean(b)^power and its standard error, linearized.
-fn ratio(pairs: impl ExactSizeIterator<Item = [f64; 2]> + Clone, power: f64) -> (f64, f64) {
+fn ratio(pairs: impl ExactSizeIterator<Item = Pair> + Clone, power: f64) -> (f64, f64) {
     let n = pairs.len() as f64;
-    let sum = pairs.clone().fold([0.0; 2], |s, p| [s[0] + p[0], s[1] + p[1]]);
-    let [a, b] = sum.map(|s| s / n);
+    let sum = pairs.clone().fold([0.0; 3], |s, [a, b, w]| [s[0] + w * a, s[1] + w * b, s[2] + w]);
+    let [a, b] = [sum[0] / sum[2], sum[1] / sum[2]];
     let scale = if power == 2.0 { b * b } else { b };
     let slope = power * a / b;
-    let square: f64 = pairs.map(|p| (p[0] - a) - slope * (p[1] - b)).map(|d| d * d).sum();
-    (a / scale, (square / (n * (n - 1.0))).sqrt() / scale.abs())
+    let square: f64 = pairs.map(|p| p[2] * ((p[0] - a) - slope * (p[1] - b))).map(|d| d * d).sum();
+    (a / scale, (square * n / (n - 1.0)).sqrt() / (sum[2] * scale.abs()))
 }
 
 /// Where the middle `level` of sorted values begins and ends.
@@ -197,7 +209,7 @@ mod tests {
             let mut random = Random::new(77, *s);
             let mut unit = || (random.below(1 << 30) as f64 + 0.5) / f64::from(1 << 30);
             // Squares of exponentials: mean 2, skewness above 6.
-            let pairs: Vec<[f64; 2]> = (0..150).map(|_| [libm::log(unit()).powi(2), 1.0]).collect();
+            let pairs: Vec<Pair> = (0..150).map(|_| [libm::log(unit()).powi(2), 1.0, 1.0]).collect();
             let found = studentized(&pairs, 2.0, 0.95, *s).unwrap();
             found.low <= 2.0 && 2.0 <= found.high
         });

@@ -1,6 +1,6 @@
 //! [`Audit`]: how wrong a lightmap is, measured by a path tracer that knows nothing of how it was made.
 //!
-//! At points drawn by area the truth is the mean of irradiance over a texel's footprint. Two independent halves t1 and t2
+//! At points drawn by area, and where the map changes, the truth is the mean of irradiance over a texel's footprint. Two independent halves t1 and t2
 //! estimate it without bias; (x - t1)(x - t2) then has the squared error as its mean, whatever the noise of the halves.
 //! Shared with the bake: [`Tracer`], [`crate::scene`], [`Coverage`]. Not shared: patches, rows, receivers, solver, and
 //! how lights are sampled.
@@ -253,7 +253,7 @@ struct Look {
 fn look(subject: &Subject, lights: &Lights, texels: &Texels, options: &Options, i: u32, bundle: &mut Bundle) -> Look {
     // Points spread evenly over the area, however many there are.
     let share = net(i, 0, hash(options.seed, 0x6175_6469)).x;
-    let texel = texels.at(f64::from(share));
+    let (texel, weight) = texels.at(f64::from(share));
     let halves = Halves::walk(subject, lights, texel, options, hash(hash(options.seed, 0x706f_696e), i), bundle);
     let point = (halves.enclosed() <= ENCLOSED).then(|| {
         let x = subject.value(texel).as_dvec3();
@@ -261,6 +261,7 @@ fn look(subject: &Subject, lights: &Lights, texels: &Texels, options: &Options, 
         let truth = mean(a + b) * 0.5;
         let difference = mean(x) - truth;
         Point {
+            weight,
             value: mean(x),
             truth,
             square: mean((x - a) * (x - b)),

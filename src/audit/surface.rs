@@ -3,7 +3,7 @@
 use crate::{
     atlas::Coverage,
     math::{Frame, Polygon},
-    scene::World,
+    scene::{World, shading_normal},
     trace::{Hit, rounding},
 };
 use glam::{DVec2, Vec2, Vec3};
@@ -32,7 +32,8 @@ impl Place {
         let corners = world.corners(instance, local);
         let [a, b, c] = corners;
         let face = world.cross(instance, &corners).normalize_or_zero();
-        let normal = world.normal(instance, local, bary, face);
+        let corner_normals = world.smooth_normals(instance, local, face);
+        let normal = corner_normals.map_or(face, |corners| shading_normal(&corners, bary, face));
         let side = if front { 1.0 } else { -1.0 };
         let position = a + (b - a) * bary.x + (c - a) * bary.y;
         Place { position, face: face * side, normal: normal * side, triangle, bary, offset: rounding(&corners) }
