@@ -18,7 +18,7 @@
 //! "luxel/x" is the ratio of the medians on one thread, with the range of the single rounds behind it.
 //!
 //! Embree runs at build quality medium: without scene flags, with the flag ROBUST (watertight, as luxel is), and with
-//! ROBUST and one scene a mesh where meshes are used again; luxel places every triangle. Embree's build seconds are
+//! ROBUST and one scene a mesh where meshes are used again; luxel chooses between these two ways itself. Embree's build seconds are
 //! those of its commits, luxel's also hold the placing of corners. Embree's bytes are what its memory monitor reports.
 //!
 //! Embree here knows no holes, so materials are made opaque for both; only the gather loop sees the scene as it is. The

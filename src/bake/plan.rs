@@ -11,14 +11,16 @@ use crate::{
     progress::Observer,
     report::{NodeReport, PageReport, RayReport, ReflectanceReport, Report, SCHEMA, SceneCounts},
     scene::{Primitive, Scene, Texture},
-    trace::Tracer,
+    trace::{self, Tracer},
     transport::Transport,
 };
 use std::collections::HashSet;
 
-/// Bytes that a bake needs beside its rows, by texel and by triangle (measured).
+/// Bytes that a bake needs beside its rows, by texel, by placed triangle and, while trees are built, by stored triangle
+/// (measured).
 const BYTES_A_TEXEL: u64 = 300;
-const BYTES_A_TRIANGLE: u64 = 250;
+const BYTES_A_TRIANGLE: u64 = 50;
+const BYTES_A_STORED_TRIANGLE: u64 = 300;
 const BYTES_A_PIXEL: u64 = 40;
 /// For each ray of a back.
 const BYTES_A_BACK: u64 = 4;
@@ -35,7 +37,7 @@ pub(super) fn refuse(scene: &Scene, options: &Options, atlas: Option<&Atlas>) ->
     if pixels > u64::from(u32::MAX) {
         return Err(Error::Usage(format!("{pixels} texels are more than an atlas can hold\n  {REMEDY}")));
     }
-    let need = triangles(scene) * BYTES_A_TRIANGLE + pixels * BYTES_A_PIXEL + texels * bytes_a_texel(options, texels);
+    let need = bytes_of_triangles(scene) + pixels * BYTES_A_PIXEL + texels * bytes_a_texel(options, texels);
     memory::fits(need >> 20, memory::free_mb(), REMEDY)
 }
 
@@ -44,8 +46,9 @@ fn bytes_a_texel(options: &Options, texels: u64) -> u64 {
     BYTES_A_TEXEL + u64::from(options.transport.rays) * options.transport.bytes_a_ray(texels as usize)
 }
 
-fn triangles(scene: &Scene) -> u64 {
-    scene.instances.iter().map(|i| scene.meshes[i.mesh as usize].triangles.len() as u64).sum()
+fn bytes_of_triangles(scene: &Scene) -> u64 {
+    let placed: usize = scene.instances.iter().map(|i| scene.meshes[i.mesh as usize].triangles.len()).sum();
+    placed as u64 * BYTES_A_TRIANGLE + trace::stored(scene) as u64 * BYTES_A_STORED_TRIANGLE
 }
 
 fn pixels(atlas: &Atlas) -> u64 {
@@ -65,8 +68,7 @@ pub(super) fn announce(
     // Backs double the rows at worst.
     let sheets = scene.materials.iter().any(|m| m.double_sided);
     let backs = if sheets { rays * BYTES_A_BACK } else { 0 };
-    let rest =
-        texels * bytes_a_texel(options, texels) + triangles(scene) * BYTES_A_TRIANGLE + pixels(atlas) * BYTES_A_PIXEL;
+    let rest = texels * bytes_a_texel(options, texels) + bytes_of_triangles(scene) + pixels(atlas) * BYTES_A_PIXEL;
     let need_mb = (backs + rest) >> 20;
     let pages = atlas.pages.iter().filter(|p| !p.hidden).count();
     let free_mb = memory::free_mb();

@@ -27,6 +27,8 @@ pub trait Lanes: Copy {
     fn max(self, o: Self) -> Self;
     /// Lanes where `self <= o`.
     fn le(self, o: Self) -> u32;
+    /// `a[0] p[0] + a[1] p[1] + a[2] p[2] + a[3]`, added up in this order, in double precision until the end.
+    fn affine(p: [Self; 3], a: &[f64; 4]) -> Self;
 }
 
 /// Instruction sets that work is compiled for, the plainest first.
@@ -138,6 +140,11 @@ impl Lanes for Portable {
     fn le(self, o: Self) -> u32 {
         self.mask(o, |a, b| a <= b)
     }
+    #[inline(always)]
+    fn affine(p: [Self; 3], a: &[f64; 4]) -> Self {
+        let p = |axis: usize, k: usize| f64::from(p[axis].0[k]);
+        Portable(std::array::from_fn(|k| (a[0] * p(0, k) + a[1] * p(1, k) + a[2] * p(2, k) + a[3]) as f32))
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -198,6 +205,63 @@ mod avx2 {
         #[inline(always)]
         fn le(self, o: Self) -> u32 {
             unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, o.0)) as u32 }
+        }
+        #[inline(always)]
+        fn affine(p: [Self; 3], a: &[f64; 4]) -> Self {
+            let [x, y, z] = p;
+            unsafe {
+                let sum = |x: __m128, y: __m128, z: __m128| {
+                    let x = _mm256_mul_pd(_mm256_set1_pd(a[0]), _mm256_cvtps_pd(x));
+                    let y = _mm256_mul_pd(_mm256_set1_pd(a[1]), _mm256_cvtps_pd(y));
+                    let z = _mm256_mul_pd(_mm256_set1_pd(a[2]), _mm256_cvtps_pd(z));
+                    _mm256_cvtpd_ps(_mm256_add_pd(_mm256_add_pd(_mm256_add_pd(x, y), z), _mm256_set1_pd(a[3])))
+                };
+                let low = |p: Self| _mm256_castps256_ps128(p.0);
+                let high = |p: Self| _mm256_extractf128_ps::<1>(p.0);
+                Avx2(_mm256_set_m128(sum(high(x), high(y), high(z)), sum(low(x), low(y), low(z))))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NUMBERS: [Eight; 3] = [
+        Eight([0.0, -0.0, 1.0, -1.5, 3e38, 1e-40, f32::INFINITY, f32::NAN]),
+        Eight([1.0, 0.0, 1.0, 2.5, 3e38, -1e-40, f32::NEG_INFINITY, 7.0]),
+        Eight([0.1, -0.3, 1e7, 1.0 / 3.0, -1.0, 2.0, 16777217.0, 0.5]),
+    ];
+
+    struct Everything;
+
+    impl Task for Everything {
+        type Output = Vec<u32>;
+
+        #[inline(always)]
+        fn run<S: Lanes>(self) -> Vec<u32> {
+            let mut out = Vec::new();
+            for a in &NUMBERS {
+                for b in &NUMBERS {
+                    let (x, y) = (S::load(a), S::load(b));
+                    let z = S::affine([x, y, S::splat(0.7)], &[0.1, -1.0 / 3.0, 1e-9, 5.5]);
+                    for r in [x.add(y), x.sub(y), x.mul(y), x.div(y), x.min(y), x.max(y), z] {
+                        // Which NaN it is is not agreed on.
+                        out.extend(r.store().0.iter().map(|r| if r.is_nan() { u32::MAX } else { r.to_bits() }));
+                    }
+                    out.push(x.le(y));
+                }
+            }
+            out
+        }
+    }
+
+    #[test]
+    fn every_level_gives_the_same_bits() {
+        let plain = run(Level::Portable, Everything);
+        for level in Level::available() {
+            assert_eq!(run(level, Everything), plain, "{level:?}");
         }
     }
 }

@@ -1,5 +1,8 @@
 //! [`Tracer`]: closest hit and transmittance.
 
+mod forest;
+mod place;
+mod slab;
 mod stack;
 mod tree;
 mod walk;
@@ -7,24 +10,20 @@ mod walk;
 use crate::{
     math::{
         hash,
-        simd::{self, Eight, LANES, Lanes, Level, Task},
+        simd::{self, LANES, Lanes, Level, Task},
         unit_float,
     },
-    scene::World,
+    scene::{Scene, World},
 };
+use forest::Forest;
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
-use tree::{Bounds, NOTHING, Node, Tree};
 use walk::{Candidates, Packet, Triangles, Visit, walk};
 
 /// Rays against a scene.
 pub struct Tracer<'s> {
     /// The triangles it sees.
     pub world: World<'s>,
-    nodes: Vec<Node>,
-    leaves: Vec<Triangles>,
-    /// The tree's units a metre: a power of two, so that scaling rounds nothing.
-    scale: f32,
+    forest: Forest,
     level: Level,
 }
 
@@ -68,40 +67,33 @@ pub fn rounding(corners: &[Vec3; 3]) -> f32 {
     corners.iter().fold(0.0, |m, c| c.abs().max_element().max(m)) * 16.0 * f32::EPSILON
 }
 
-/// Largest coordinate in the tree, at most: products of coordinates neither overflow nor vanish.
+/// Largest coordinate in the scene's tree, at most: products of coordinates neither overflow nor vanish.
 const EXTENT: f32 = 2048.0;
+
+/// Triangles that a [`Tracer`] of the scene stores: of meshes that are placed again and again only one instance's.
+pub fn stored(scene: &Scene) -> usize {
+    forest::stored(scene, &forest::worth_sharing(scene))
+}
 
 /// Flags beside a global triangle, of which there are fewer than 2^30: their texels would not fit a machine.
 const HOLES: u32 = 1 << 30;
 const MIRRORED: u32 = 1 << 31;
 
-struct Triangle {
-    corners: [Vec3; 3],
-    id: u32,
-}
-
 impl<'s> Tracer<'s> {
-    /// Builds the tree over all triangles that have area.
+    /// Builds the trees over all triangles that have area.
     pub fn new(world: World<'s>) -> Self {
-        let extent =
-            (0..world.scene.instances.len()).into_par_iter().map(|i| extent(&world, i)).reduce(|| 0.0, f32::max);
-        let scale = if extent > 0.0 { libm::exp2f(libm::floorf(libm::log2f(EXTENT / extent))) } else { 1.0 };
-        let triangles: Vec<Triangle> =
-            (0..world.scene.instances.len()).into_par_iter().flat_map_iter(|i| triangles(&world, i, scale)).collect();
-        let boxes: Vec<Bounds> = triangles.par_iter().map(|t| Bounds::of(&t.corners)).collect();
-        let tree = Tree::new(&boxes, scale * rounding(&[Vec3::splat(extent); 3]));
-        let leaves = tree.leaves.par_iter().map(|leaf| Triangles::new(leaf, &triangles)).collect();
-        Tracer { world, nodes: tree.nodes, leaves, scale, level: Level::best() }
+        let shared = forest::worth_sharing(world.scene);
+        Tracer { forest: Forest::new(&world, &shared), world, level: Level::best() }
     }
 
-    /// Bytes held by nodes and triangles.
+    /// Bytes held by nodes, triangles and instances.
     pub fn bytes(&self) -> usize {
-        size_of_val(&self.nodes[..]) + size_of_val(&self.leaves[..])
+        self.forest.bytes()
     }
 
     /// Longer than any way within the scene, metres.
     pub fn reach(&self) -> f32 {
-        4.0 * EXTENT / self.scale
+        4.0 * EXTENT / self.forest.scale
     }
 
     /// The first surface along a ray. Alpha and transmission let it pass by chance, keyed by its key and the triangle.
@@ -152,10 +144,10 @@ impl Task for Closest<'_> {
         let tracer = self.tracer;
         for (rays, hits) in self.rays.chunks(LANES).zip(self.hits.chunks_mut(LANES)) {
             hits.fill(None);
-            let ray = |k: usize| (rays[k].origin * tracer.scale, rays[k].direction, f32::INFINITY);
+            let ray = |k: usize| (rays[k].origin * tracer.forest.scale, rays[k].direction, f32::INFINITY);
             let mut packet = Packet::new(rays.len(), ray);
-            walk::<S, _>(&tracer.nodes, &tracer.leaves, &mut packet, &mut Closest { tracer, rays, hits });
-            hits.iter_mut().flatten().for_each(|h| h.t /= tracer.scale);
+            walk::<S, _>(&tracer.forest, &mut packet, &mut Closest { tracer, rays, hits });
+            hits.iter_mut().flatten().for_each(|h| h.t /= tracer.forest.scale);
         }
     }
 }
@@ -202,10 +194,10 @@ impl Task for Through<'_> {
             through.fill(Vec3::ONE);
             let segment = |k: usize| {
                 let s = &segments[k];
-                (s.origin * tracer.scale, s.direction, s.t * tracer.scale)
+                (s.origin * tracer.forest.scale, s.direction, s.t * tracer.forest.scale)
             };
             let mut packet = Packet::new(segments.len(), segment);
-            walk::<S, _>(&tracer.nodes, &tracer.leaves, &mut packet, &mut Through { tracer, segments, through });
+            walk::<S, _>(&tracer.forest, &mut packet, &mut Through { tracer, segments, through });
         }
     }
 }
@@ -226,42 +218,6 @@ impl Visit for Through<'_> {
         }
         if *through == Vec3::ZERO { -1.0 } else { reach }
     }
-}
-
-impl Triangles {
-    fn new(leaf: &[u32; LANES], triangles: &[Triangle]) -> Self {
-        let mut block = Triangles { corners: [[Eight([f32::NAN; LANES]); 3]; 3], ids: [0; LANES] };
-        for (lane, &i) in leaf.iter().enumerate().filter(|(_, i)| **i != NOTHING) {
-            let t = &triangles[i as usize];
-            for (c, p) in t.corners.iter().enumerate() {
-                for axis in 0..3 {
-                    block.corners[c][axis].0[lane] = p[axis];
-                }
-            }
-            block.ids[lane] = t.id;
-        }
-        block
-    }
-}
-
-/// Largest coordinate of an instance.
-fn extent(world: &World, instance: usize) -> f32 {
-    let corners = (0..world.mesh(instance).triangles.len() as u32).flat_map(|t| world.corners(instance, t));
-    corners.fold(0.0, |m, c| m.max(c.abs().max_element()))
-}
-
-/// The triangles of an instance that have area, in the tree's units.
-fn triangles<'a>(world: &'a World, instance: usize, scale: f32) -> impl Iterator<Item = Triangle> + 'a {
-    let (mesh, first) = (world.mesh(instance), world.triangles_of(instance).start);
-    let mirrored = if world.scene.instances[instance].mirrored() { MIRRORED } else { 0 };
-    mesh.primitives.iter().flat_map(move |p| {
-        let holes = if world.scene.materials[p.material as usize].has_holes() { HOLES } else { 0 };
-        p.triangles.clone().filter_map(move |t| {
-            let corners = world.corners(instance, t);
-            let solid = world.cross(instance, &corners) != Vec3::ZERO;
-            solid.then(|| Triangle { corners: corners.map(|c| c * scale), id: (first + t) | mirrored | holes })
-        })
-    })
 }
 
 #[cfg(test)]

@@ -1,4 +1,9 @@
-use super::*;
+mod places;
+
+use super::{
+    tree::{Bounds, Tree},
+    *,
+};
 use crate::{
     math::Frame,
     scene::{Instance, Material, Mesh, Primitive, Scene},
@@ -90,7 +95,8 @@ fn flat_outer_walls_do_not_ruin_the_tree() {
     let scene = room(Vec3::new(4.0, 1.5, 3.0), 100, 0);
     let world = World::new(&scene);
     let boxes: Vec<Bounds> = (0..world.len()).map(|t| Bounds::of(&world.corners(0, t))).collect();
-    let (cured, plain) = (Tree::new(&boxes, 1e-5).cost(), Tree::new(&boxes, 0.0).cost());
+    let cost = |margin| Tree::new(&boxes, boxes.len(), Vec3::splat(margin)).cost();
+    let (cured, plain) = (cost(1e-5), cost(0.0));
     assert!(cured < 0.5 * plain, "expected cost {cured} with the cure, {plain} without");
     assert!(cured < 30.0, "expected cost {cured}");
 }

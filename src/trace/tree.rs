@@ -30,7 +30,7 @@ pub struct Tree {
 pub struct Node {
     /// Least and largest x, y, z of each child.
     pub bounds: [[Eight; 3]; 2],
-    /// Index of a node, or of a leaf with [`LEAF`] set.
+    /// Index of a node, of a leaf with [`LEAF`] set, or of what stands alone with [`PLACE`] set.
     pub children: [u32; LANES],
 }
 
@@ -39,6 +39,9 @@ pub const NOTHING: u32 = u32::MAX;
 
 /// Marks a child that is a leaf.
 pub const LEAF: u32 = 1 << 31;
+
+/// Marks a child that stands alone.
+pub const PLACE: u32 = 1 << 30;
 
 /// A box.
 #[derive(Clone, Copy)]
@@ -51,9 +54,22 @@ pub struct Bounds {
 const LEAF_COST: f32 = 1.0;
 
 impl Bounds {
+    /// No point.
+    pub const NONE: Bounds = Bounds { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+
     /// Around a triangle.
     pub fn of([a, b, c]: &[Vec3; 3]) -> Self {
         Bounds { min: a.min(*b).min(*c), max: a.max(*b).max(*c) }
+    }
+
+    /// Around both.
+    pub fn with(self, o: Bounds) -> Self {
+        Bounds { min: self.min.min(o.min), max: self.max.max(o.max) }
+    }
+
+    /// Largest coordinate.
+    pub fn extent(&self) -> f32 {
+        if self.min.x > self.max.x { 0.0 } else { self.min.abs().max(self.max.abs()).max_element() }
     }
 }
 
@@ -61,7 +77,9 @@ impl Tree {
     /// Over boxes of primitives, each made wider by a margin that serves twice. It covers the rounding of the box test, or
     /// rays would slip through at edges between flat boxes. And it keeps centroids off the scene's maximum planes: obvhs
     /// 0.4 sorts one that lies there to the opposite side, which ruins the tree of a room with flat outer walls.
-    pub fn new(boxes: &[Bounds], margin: f32) -> Self {
+    ///
+    /// Primitives from `alone` on share no leaf: they are children of nodes themselves.
+    pub fn new(boxes: &[Bounds], alone: usize, margin: Vec3) -> Self {
         if boxes.is_empty() {
             return Tree { nodes: vec![Node::empty()], ..Tree::default() };
         }
@@ -75,7 +93,7 @@ impl Tree {
             ..BvhBuildParams::medium_build()
         };
         let boxes: Vec<Aabb> = boxes.iter().enumerate().map(wider).collect();
-        Collapse::new(&build_bvh2(&boxes, params, &mut Duration::default())).tree()
+        Collapse::new(&build_bvh2(&boxes, params, &mut Duration::default()), alone).tree()
     }
 
     /// Expected number of nodes and leaves that a random ray through the root's box visits.
@@ -95,16 +113,18 @@ impl Tree {
 
 struct Collapse<'a> {
     binary: &'a Bvh2,
+    /// Primitives from here on share no leaf.
+    alone: usize,
     /// For each binary node: least cost as 1..=7 roots at most; the first as a node or leaf of its own.
     costs: Vec<[f32; LANES - 1]>,
-    /// Primitives under it.
+    /// Primitives under it; more than a leaf holds if one of them shares none.
     counts: Vec<u32>,
 }
 
 impl<'a> Collapse<'a> {
-    fn new(binary: &'a Bvh2) -> Self {
+    fn new(binary: &'a Bvh2, alone: usize) -> Self {
         let n = binary.nodes.len();
-        let mut this = Collapse { binary, costs: vec![[0.0; LANES - 1]; n], counts: vec![0; n] };
+        let mut this = Collapse { binary, alone, costs: vec![[0.0; LANES - 1]; n], counts: vec![0; n] };
         let mut order = Vec::with_capacity(n);
         let mut stack = vec![0usize];
         while let Some(i) = stack.pop() {
@@ -124,7 +144,7 @@ impl<'a> Collapse<'a> {
         let node = &self.binary.nodes[i];
         let area = node.aabb().half_area();
         if node.is_leaf() {
-            self.counts[i] = node.prim_count;
+            self.counts[i] = if self.stands_alone(i).is_some() { LANES as u32 + 1 } else { node.prim_count };
             self.costs[i] = [area * LEAF_COST; LANES - 1];
             return;
         }
@@ -137,6 +157,13 @@ impl<'a> Collapse<'a> {
             costs[k - 1] = self.spread(l, r, k).min(costs[k - 2]);
         }
         self.costs[i] = costs;
+    }
+
+    /// The primitive of a binary leaf, counted from those that share none.
+    fn stands_alone(&self, i: usize) -> Option<usize> {
+        let node = &self.binary.nodes[i];
+        let first = node.is_leaf().then(|| self.binary.primitive_indices[node.first_index as usize] as usize)?;
+        first.checked_sub(self.alone)
     }
 
     /// Least cost of two nodes as `k` roots at most.
@@ -207,6 +234,9 @@ impl<'a> Collapse<'a> {
     }
 
     fn leaf(&self, i: usize, tree: &mut Tree) -> u32 {
+        if let Some(primitive) = self.stands_alone(i) {
+            return PLACE | primitive as u32;
+        }
         let (mut primitives, mut count) = ([NOTHING; LANES], 0);
         let mut stack = vec![i];
         while let Some(i) = stack.pop() {

@@ -1,12 +1,15 @@
-//! Rays through a [`Tree`]: nearest boxes first, eight boxes or eight triangles at a time.
+//! Rays through a [`Forest`]: nearest boxes first, eight boxes or eight triangles at a time.
 //!
 //! Triangle tests are watertight (Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2013): corners are
 //! sheared to the plane across the ray; a difference of two rounded products has the exact sign or is zero, and what passes
 //! is looked at again in double precision.
 
 use super::{
+    forest::Forest,
+    place::Place,
+    slab::{Slab, clear},
     stack::Stack,
-    tree::{LEAF, Node},
+    tree::{LEAF, PLACE},
 };
 use crate::math::simd::{Eight, LANES, Lanes};
 use glam::{Vec2, Vec3};
@@ -21,13 +24,10 @@ pub struct Triangles {
     pub ids: [u32; LANES],
 }
 
-/// A ray as tests want it.
+/// A ray as tests of triangles want it.
 pub struct Sheared {
     origin: [f32; 3],
-    /// One over the direction; large where a component is zero.
-    inverse: [f32; 3],
-    /// 1 where the direction points down an axis.
-    down: [usize; 3],
+    direction: Vec3,
     /// The two axes across the ray and the longest along it.
     axes: [usize; 3],
     /// Shear across the ray, and one over the longest component.
@@ -75,9 +75,6 @@ impl Candidates {
     }
 }
 
-/// A component nearer to zero than this counts as this: no product of its inverse with a distance is a NaN.
-const SMALLEST: f32 = 1e-18;
-
 impl Sheared {
     #[inline(always)]
     pub fn new(origin: Vec3, direction: Vec3) -> Self {
@@ -91,34 +88,8 @@ impl Sheared {
             2
         };
         let axes = [(z + 1) % 3, (z + 2) % 3, z];
-        let clear = |k: usize| if a[k] < SMALLEST { SMALLEST } else { d[k] };
-        let c = [clear(0), clear(1), clear(2)];
-        let inverse = [1.0 / c[0], 1.0 / c[1], 1.0 / c[2]];
-        let along = inverse[z];
-        Sheared {
-            origin: origin.to_array(),
-            inverse,
-            down: [usize::from(c[0] < 0.0), usize::from(c[1] < 0.0), usize::from(c[2] < 0.0)],
-            axes,
-            slope: [d[axes[0]] * along, d[axes[1]] * along, along],
-        }
-    }
-
-    /// The boxes of a node that the ray meets before `t`, and where it enters each.
-    #[inline(always)]
-    fn boxes<S: Lanes>(&self, node: &Node, t: f32) -> (u32, S) {
-        let [x, y, z] = self.down;
-        let near = &node.bounds;
-        let enter = self.slab::<S>(0, &near[x][0]).max(self.slab(1, &near[y][1])).max(self.slab(2, &near[z][2]));
-        let leave =
-            self.slab::<S>(0, &near[1 - x][0]).min(self.slab(1, &near[1 - y][1])).min(self.slab(2, &near[1 - z][2]));
-        let enter = enter.max(S::splat(0.0));
-        (enter.le(leave.min(S::splat(t))), enter)
-    }
-
-    #[inline(always)]
-    fn slab<S: Lanes>(&self, axis: usize, plane: &Eight) -> S {
-        S::load(plane).sub(S::splat(self.origin[axis])).mul(S::splat(self.inverse[axis]))
+        let along = 1.0 / clear(d[z]);
+        Sheared { origin: origin.to_array(), direction, axes, slope: [d[axes[0]] * along, d[axes[1]] * along, along] }
     }
 
     /// The triangles of a leaf that the line of the ray seems to meet: of those behind its start there are few.
@@ -162,6 +133,7 @@ fn area<S: Lanes>(p: (S, S, S), q: (S, S, S)) -> S {
 /// Rays that walk together, as many as a vector has lanes.
 pub struct Packet {
     rays: [Sheared; LANES],
+    slabs: [Slab; LANES],
     /// How far each still reaches; negative where there is none, or none any more.
     reach: Eight,
 }
@@ -171,12 +143,14 @@ impl Packet {
     #[inline(always)]
     pub fn new(len: usize, ray: impl Fn(usize) -> (Vec3, Vec3, f32)) -> Self {
         let mut reach = Eight([-1.0; LANES]);
+        let mut slabs = [Slab::NONE; LANES];
         let rays = std::array::from_fn(|k| {
             let (origin, direction, t) = ray(k.min(len - 1));
             reach.0[k] = if k < len { t } else { -1.0 };
+            slabs[k] = Slab::new(origin, direction);
             Sheared::new(origin, direction)
         });
-        Packet { rays, reach }
+        Packet { rays, slabs, reach }
     }
 }
 
@@ -193,27 +167,61 @@ pub trait Visit {
 /// Visits the leaves that rays meet before their reach. Those of like rays are mostly the same, and so are the decisions
 /// on the way, which cost more than the arithmetic.
 #[inline(always)]
-pub fn walk<S: Lanes, V: Visit>(nodes: &[Node], leaves: &[Triangles], packet: &mut Packet, visitor: &mut V) {
+pub fn walk<S: Lanes, V: Visit>(forest: &Forest, packet: &mut Packet, visitor: &mut V) {
+    // Where there are no places, nothing is lost by asking for them.
+    if forest.places.is_empty() {
+        walk_among::<S, V, false>(forest, packet, visitor);
+    } else {
+        walk_among::<S, V, true>(forest, packet, visitor);
+    }
+}
+
+#[inline(always)]
+fn walk_among<S: Lanes, V: Visit, const PLACES: bool>(forest: &Forest, packet: &mut Packet, visitor: &mut V) {
+    let (mut place, mut slabs): (Option<&Place>, _) = (None, &packet.slabs);
+    let mut inner = if PLACES { [Slab::NONE; LANES] } else { packet.slabs };
     let mut stack = Stack::new();
-    let mut next = Step::new(0.0, u32::MAX, 0);
+    let mut next = Step::new(0.0, u32::MAX, forest.root);
     loop {
         // Without those that have met something nearer since.
         let active = next.rays() & S::splat(next.enter()).le(S::load(&packet.reach));
         if active != 0 {
-            if next.child() & LEAF != 0 {
-                let leaf = &leaves[(next.child() & !LEAF) as usize];
+            let child = next.child();
+            if child & LEAF != 0 {
+                let leaf = &forest.leaves[(child & !LEAF) as usize];
+                let placed;
+                let leaf = match place {
+                    Some(place) if PLACES => {
+                        placed = place.place::<S>(leaf);
+                        &placed
+                    }
+                    _ => leaf,
+                };
                 for r in lanes(active) {
                     let reach = &mut packet.reach.0[r];
                     if let Some(candidates) = packet.rays[r].triangles::<S>(leaf) {
                         *reach = visitor.visit(r, leaf, &candidates, *reach);
                     }
                 }
+            } else if PLACES && child == WORLD {
+                (place, slabs) = (None, &packet.slabs);
+            } else if PLACES && child & PLACE != 0 {
+                let p = &forest.places[(child & !PLACE) as usize];
+                for r in lanes(active) {
+                    inner[r] = p.slab(packet.rays[r].origin.into(), packet.rays[r].direction);
+                }
+                (place, slabs) = (Some(p), &inner);
+                // What lies below on the stack is not in this place.
+                stack.reserve();
+                stack.push(Step::new(0.0, u32::MAX, WORLD).0);
+                next = Step::new(next.enter(), active, p.root);
+                continue;
             } else {
-                let node = &nodes[next.child() as usize];
+                let node = &forest.nodes[child as usize];
                 let (mut rows, mut children) = (0u64, 0u32);
                 let mut enter = S::splat(f32::INFINITY);
                 for r in lanes(active) {
-                    let (mask, from) = packet.rays[r].boxes::<S>(node, packet.reach.0[r]);
+                    let (mask, from) = slabs[r].boxes::<S>(node, packet.reach.0[r]);
                     enter = enter.min(from);
                     rows |= u64::from(mask) << (8 * r);
                     children |= mask;
@@ -241,6 +249,9 @@ pub fn walk<S: Lanes, V: Visit>(nodes: &[Node], leaves: &[Triangles], packet: &m
         next = Step(word);
     }
 }
+
+/// Leads back out of a place.
+const WORLD: u32 = PLACE | (PLACE - 1);
 
 /// Where to go: the distance at which the first of the rays enters (rounded down), the rays, the child. The order of these
 /// words is that of distances, for they are not negative.
