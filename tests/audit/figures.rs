@@ -84,7 +84,7 @@ fn a_perfect_map_is_perfect() {
 fn intervals_hold_true_errors() {
     let mut held = true_error::Held::default();
     for seed in 0..10 {
-        held += true_error::held(rooms::seeded(seed), seed, 100, 2);
+        held += true_error::held(rooms::seeded(seed), seed, 200, 2);
     }
     println!("{held}");
     assert!(held.is_enough(), "{held}");
