@@ -44,6 +44,9 @@ pub struct Report {
     pub turned_texels: usize,
     /// Relative jump of irradiance across chart seams, 95th percentile.
     pub seam_jump_p95: Option<f64>,
+    /// The error that was to be reached, and how that went.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub target: Option<TargetReport>,
     /// Under which light, where it was chosen by options.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub light: Option<LightReport>,
@@ -53,6 +56,38 @@ pub struct Report {
     pub warnings: Vec<String>,
     /// What was done on the way and is as it should be, one sentence each.
     pub notes: Vec<String>,
+}
+
+/// A bake to a target. Errors are root mean squares over the mean.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct TargetReport {
+    /// The error to be reached; none if only time was to be used.
+    pub error: Option<f64>,
+    /// True if the audit said so.
+    pub reached: bool,
+    /// What was tried, in order; the last is what the maps hold.
+    pub looks: Vec<LookReport>,
+}
+
+/// What an audit said of one effort, by points that were drawn for it.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct LookReport {
+    /// Rays a texel.
+    pub rays: u32,
+    /// Shadow rays a source, where shadows are mixed.
+    pub shadow_rays: u32,
+    /// The error and its confidence interval; none if too few points could be seen.
+    pub error: Option<f64>,
+    /// Lower end.
+    pub low: Option<f64>,
+    /// Upper end.
+    pub high: Option<f64>,
+    /// Confidence of this look.
+    pub level: f64,
+    /// Points.
+    pub points: usize,
+    /// Wall time of the audit.
+    pub seconds: f64,
 }
 
 /// The options by which the light was chosen, as they are typed. They go into the lit file, for its audit.

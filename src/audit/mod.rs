@@ -71,6 +71,8 @@ pub struct Options {
 pub enum Budget {
     /// After so many points: the same result on any machine.
     Points(u32),
+    /// After so many rays, but not before a few points: the same result on any machine.
+    Rays(u64),
     /// After about so much time, but not before a few points.
     Time(Duration),
 }
@@ -163,7 +165,7 @@ impl Audit {
         let most = if let Budget::Points(n) = options.budget { n.min(MOST) } else { MOST };
         observer.begin("audit", if most < MOST { u64::from(most) } else { 0 });
         let (mut points, mut drawn) = (Vec::new(), 0);
-        while drawn < most && !options.budget.ends(start.elapsed(), drawn) {
+        while drawn < most && !options.budget.ends(start.elapsed(), audit.rays, drawn) {
             let next = drawn..(drawn + ROUND).min(most);
             drawn = next.end;
             let looks: Vec<Look> = next
@@ -217,9 +219,10 @@ impl Options {
 
 impl Budget {
     /// True once it is used up by `drawn` points, or would be by one more round.
-    fn ends(self, elapsed: Duration, drawn: u32) -> bool {
+    fn ends(self, elapsed: Duration, rays: u64, drawn: u32) -> bool {
         match self {
             Budget::Points(_) => false,
+            Budget::Rays(most) => drawn > 0 && rays + rays / u64::from(drawn) * u64::from(ROUND) > most,
             Budget::Time(time) => drawn > 0 && elapsed + elapsed * ROUND / drawn > time,
         }
     }

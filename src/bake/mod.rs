@@ -2,16 +2,20 @@
 
 mod energy;
 mod plan;
+mod target;
+
+pub use target::{Target, bake_to};
 
 use crate::{
     atlas::{self, Atlas, Coverage},
+    audit::Audit,
     direct::{Direct, Sources, sky_cells},
     error::Result,
     lightmaps::{Content, Lightmaps, jump_across_seams},
     patches::Patches,
     progress::Observer,
     radiosity::{self, Radiosity},
-    report::Report,
+    report::{EnergyReport, Report},
     scene::{Scene, World},
     trace::Tracer,
     transport::{self, Transport},
@@ -65,62 +69,104 @@ pub struct Baked<'s> {
     pub lightmaps: Lightmaps,
     /// What was measured on the way.
     pub report: Report,
+    /// How wrong the pages are, where a target asked for it.
+    pub audit: Option<Audit>,
 }
 
-/// Bakes `scene`.
+/// Bakes `scene` with the effort that the options say.
 pub fn bake<'s>(scene: &'s Scene, options: &Options, observer: &dyn Observer) -> Result<Baked<'s>> {
-    let mut r = Report::default();
-    let mut clock = Clock::start();
-
-    plan::refuse(scene, options, None)?;
-    let atlas = clock.time("atlas", || atlas::unwrap(scene, &options.atlas, &scene.file, observer, &mut r.warnings))?;
-    plan::refuse(scene, options, Some(&atlas))?;
-    let world = World::new(scene);
-    let coverage = clock.time("coverage", || Coverage::new(&world, &atlas));
-    plan::announce(scene, &atlas, &coverage, options, observer)?;
-    let tracer = clock.time("trace", || Tracer::new(world));
-    let mut patches = clock.time("patches", || Patches::new(&tracer.world, &coverage, options.max_reflectance));
-    let transport = clock
-        .time("transport", || Transport::measure(&tracer, &coverage, &mut patches, &options.transport, observer))?;
-    let sources = Sources::new(&tracer, &patches);
-    let direct = clock
-        .time("direct", || Direct::measure(&tracer, &coverage, &patches, &sources, options.shadow_rays, observer))?;
-    let sky = sky_cells(&scene.sky);
-    let mut radiosity = clock.time("radiosity", || {
-        Radiosity::solve(&transport, &patches, &direct, &sky, sources.gathered, &options.radiosity, observer)
-    })?;
-    r.energy = energy::balance(&patches, &transport, &direct, &sky, &radiosity);
-    if options.transport.shares(coverage.texels.len()) {
-        clock.time("reuse", || radiosity.reuse(&transport, &tracer, &coverage, &patches, &direct, observer))?;
-    }
-    let lightmaps = clock.time("lightmaps", || {
-        Lightmaps::new(&tracer.world, &atlas, &coverage, &patches, &direct, &radiosity, options.content)
-    });
-
-    r.seconds = clock.seconds;
-    r.seam_jump_p95 = jump_across_seams(&tracer.world, &atlas, &coverage, &lightmaps);
-    plan::describe(&mut r, &tracer, &atlas, &coverage, &patches, &transport, &direct, &lightmaps);
-    r.solver = radiosity.report;
-    plan::warn(&mut r, options);
-    plan::warn_of_broken(&mut r, &lightmaps);
-    let irradiance = (0..patches.len()).map(|p| direct.total(p) + radiosity.indirect[p]).collect();
-    Ok(Baked { tracer, atlas, coverage, patches, irradiance, lightmaps, report: r })
+    let mut ground = Ground::new(scene, options, observer)?;
+    let lit = ground.light(options, observer)?;
+    Ok(ground.baked(lit, options))
 }
 
-/// Seconds by room.
+/// What does not depend on the effort.
+struct Ground<'s> {
+    tracer: Tracer<'s>,
+    atlas: Atlas,
+    coverage: Coverage,
+    /// Before rays have looked.
+    patches: Patches,
+    warnings: Vec<String>,
+    clock: Clock,
+}
+
+/// What does.
+struct Lit {
+    patches: Patches,
+    transport: Transport,
+    direct: Direct,
+    radiosity: Radiosity,
+    energy: EnergyReport,
+    lightmaps: Lightmaps,
+}
+
+impl<'s> Ground<'s> {
+    fn new(scene: &'s Scene, options: &Options, observer: &dyn Observer) -> Result<Self> {
+        let (mut warnings, mut clock) = (Vec::new(), Clock::default());
+        plan::refuse(scene, options, None)?;
+        let atlas =
+            clock.time("atlas", || atlas::unwrap(scene, &options.atlas, &scene.file, observer, &mut warnings))?;
+        plan::refuse(scene, options, Some(&atlas))?;
+        let world = World::new(scene);
+        let coverage = clock.time("coverage", || Coverage::new(&world, &atlas));
+        plan::announce(scene, &atlas, &coverage, options, observer)?;
+        let tracer = clock.time("trace", || Tracer::new(world));
+        let patches = clock.time("patches", || Patches::new(&tracer.world, &coverage, options.max_reflectance));
+        Ok(Ground { tracer, atlas, coverage, patches, warnings, clock })
+    }
+
+    fn light(&mut self, options: &Options, observer: &dyn Observer) -> Result<Lit> {
+        let Ground { tracer, atlas, coverage, clock, .. } = self;
+        let mut patches = self.patches.clone();
+        let transport = clock
+            .time("transport", || Transport::measure(tracer, coverage, &mut patches, &options.transport, observer))?;
+        let sources = Sources::new(tracer, &patches);
+        let direct = clock
+            .time("direct", || Direct::measure(tracer, coverage, &patches, &sources, options.shadow_rays, observer))?;
+        let sky = sky_cells(&tracer.world.scene.sky);
+        let mut radiosity = clock.time("radiosity", || {
+            Radiosity::solve(&transport, &patches, &direct, &sky, sources.gathered, &options.radiosity, observer)
+        })?;
+        let energy = energy::balance(&patches, &transport, &direct, &sky, &radiosity);
+        if options.transport.shares(coverage.texels.len()) {
+            clock.time("reuse", || radiosity.reuse(&transport, tracer, coverage, &patches, &direct, observer))?;
+        }
+        let lightmaps = clock.time("lightmaps", || {
+            Lightmaps::new(&tracer.world, atlas, coverage, &patches, &direct, &radiosity, options.content)
+        });
+        Ok(Lit { patches, transport, direct, radiosity, energy, lightmaps })
+    }
+
+    fn baked(self, lit: Lit, options: &Options) -> Baked<'s> {
+        let Ground { tracer, atlas, coverage, warnings, clock, .. } = self;
+        let Lit { patches, transport, direct, radiosity, energy, lightmaps } = lit;
+        let mut report = Report { warnings, seconds: clock.seconds, energy, ..Report::default() };
+        report.seam_jump_p95 = jump_across_seams(&tracer.world, &atlas, &coverage, &lightmaps);
+        plan::describe(&mut report, &tracer, &atlas, &coverage, &patches, &transport, &direct, &lightmaps);
+        report.solver = radiosity.report;
+        plan::warn(&mut report, options);
+        plan::warn_of_broken(&mut report, &lightmaps);
+        let irradiance = (0..patches.len()).map(|p| direct.total(p) + radiosity.indirect[p]).collect();
+        Baked { tracer, atlas, coverage, patches, irradiance, lightmaps, report, audit: None }
+    }
+}
+
+/// Seconds by room, in the order in which they first ran.
+#[derive(Default)]
 struct Clock {
     seconds: Vec<(&'static str, f64)>,
 }
 
 impl Clock {
-    fn start() -> Self {
-        Clock { seconds: Vec::new() }
-    }
-
     fn time<T>(&mut self, room: &'static str, run: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let out = run();
-        self.seconds.push((room, start.elapsed().as_secs_f64()));
+        let seconds = start.elapsed().as_secs_f64();
+        match self.seconds.iter_mut().find(|s| s.0 == room) {
+            Some(sum) => sum.1 += seconds,
+            None => self.seconds.push((room, seconds)),
+        }
         out
     }
 }

@@ -39,7 +39,7 @@ Examples:
   luxel bake scene.glb --report - --quiet > report.json
 
 Exit codes: 0 done; 1 failed, or done with warnings under --strict; 2 wrong usage; 3 the input is missing, invalid or
-unsupported; 130 interrupted.";
+unsupported; 4 done, but the error that was typed is not reached; 130 interrupted.";
 
 #[derive(Debug, clap::Args)]
 #[command(arg_required_else_help = true, after_help = EXAMPLES)]
@@ -81,11 +81,28 @@ pub struct Bake {
     #[arg(long, value_name = "GLOB", help_heading = "Size", value_parser = values::glob)]
     pub exclude: Vec<String>,
 
-    /// Rays a texel for indirect light, 1 to 65536. Up to 64, and up to 2^26 in all, neighbours use each other's rays,
-    /// which is worth four to eight times as many
-    #[arg(long, value_name = "N", help_heading = "Effort", default_value = "64",
+    /// Error of the lightmap's texels to reach, root mean square over the mean: 2% or .02, above 0. A path tracer that
+    /// knows nothing of the bake measures it; if it is not reached, the exit code is 4 (0, with a warning, if this option
+    /// was not typed) [default: 2%]
+    #[arg(long, value_name = "E", help_heading = "Effort", value_parser = values::share, allow_hyphen_values = true,
+          conflicts_with_all = ["quality", "rays", "bounces"])]
+    pub error: Option<f64>,
+
+    /// Refine until the time is up, 60s or 10m, or --error or --quality is reached, if one is given, too
+    #[arg(long, value_name = "TIME", help_heading = "Effort", value_parser = values::time, allow_hyphen_values = true,
+          conflicts_with_all = ["rays", "bounces"])]
+    pub time: Option<Duration>,
+
+    /// --error by a name: preview is 10%, medium 3%, high 1%
+    #[arg(long, value_name = "NAME", help_heading = "Effort", value_parser = named(Quality::ALL, Quality::name),
+          conflicts_with_all = ["rays", "bounces"])]
+    pub quality: Option<Quality>,
+
+    /// Rays a texel for indirect light, 1 to 65536, instead of an error to reach. Up to 64, and up to 2^26 in all,
+    /// neighbours use each other's rays, which is worth four to eight times as many [with --bounces: 64]
+    #[arg(long, value_name = "N", help_heading = "Effort",
           value_parser = RangedU64ValueParser::<u32>::new().range(1..=65536), allow_negative_numbers = true)]
-    pub rays: u32,
+    pub rays: Option<u32>,
 
     /// Bounces after which light is dropped, 0 to 65536, whatever the solver; 0: direct light only, of emissive surfaces
     /// and the sky, too [default: all bounces, with a bound on the error]
@@ -165,7 +182,8 @@ pub struct Bake {
     #[arg(long, value_name = "FILE.json | -", help_heading = "Output")]
     pub report: Option<PathBuf>,
 
-    /// Also measure how wrong the lightmap is, for a fifth of the bake's time or 2 s, whatever is more (see luxel audit)
+    /// Also measure how wrong the lightmap is, for a fifth of the bake's time or 2 s, whatever is more (see luxel audit);
+    /// a bake to a target does so anyway
     #[arg(long, help_heading = "Output")]
     pub audit: bool,
 
@@ -246,6 +264,35 @@ pub struct Audit {
     /// Show no progress; warnings and errors are still shown
     #[arg(long, help_heading = "Output")]
     pub quiet: bool,
+}
+
+/// Targets by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quality {
+    Preview,
+    Medium,
+    High,
+}
+
+impl Quality {
+    pub const ALL: [Quality; 3] = [Quality::Preview, Quality::Medium, Quality::High];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Quality::Preview => "preview",
+            Quality::Medium => "medium",
+            Quality::High => "high",
+        }
+    }
+
+    /// Relative error.
+    pub fn error(self) -> f64 {
+        match self {
+            Quality::Preview => 0.1,
+            Quality::Medium => 0.03,
+            Quality::High => 0.01,
+        }
+    }
 }
 
 fn edge() -> RangedU64ValueParser<u32> {

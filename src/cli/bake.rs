@@ -1,7 +1,9 @@
 //! `luxel bake`: read, bake, write, tell.
 
 use super::{
-    args, audit, camera, console, lights, outputs,
+    args,
+    args::Quality,
+    audit, camera, console, lights, outputs,
     outputs::Outputs,
     pictures,
     progress::Progress,
@@ -11,10 +13,10 @@ use super::{
 use luxel::{
     atlas,
     audit::Audit,
-    bake::{self, Baked, Options},
+    bake::{self, Baked, Options, Target},
     error::{Error, Result},
     gltf, memory, preview, progress, radiosity,
-    report::{LightReport, Report},
+    report::{LightReport, Report, TargetReport},
     scene::{Camera, Scene},
     transport,
 };
@@ -37,15 +39,21 @@ pub fn run(args: &args::Bake) -> Result<ExitCode> {
     let camera = camera::choose(&scene, args.camera.as_ref())?;
 
     let observer = Progress::new(args.quiet);
-    let baked = bake::bake(&scene, &options, &observer);
+    let baked = match target(args) {
+        Some(target) => bake::bake_to(&scene, &options, &target, &observer),
+        None => bake::bake(&scene, &options, &observer),
+    };
     observer.finish();
     let mut baked = baked?;
-    let audit = args.audit.then(|| audit::of_bake(&baked, &options, &observer)).transpose()?;
+    let audited = args.audit && baked.audit.is_none();
+    let audit = audited.then(|| audit::of_bake(&baked, &options, &observer)).transpose()?.or(baked.audit.take());
     observer.finish();
     if let (true, Some(bounces)) = (args.audit, options.radiosity.bounces) {
         said.add(vec![audit::partial(bounces)]);
     }
     baked.report.light = Some(light(args));
+    let missed = baked.report.target.as_ref().and_then(missed);
+    said.add(missed.into_iter().collect());
     said.add(std::mem::take(&mut baked.report.warnings));
     baked.report.warnings = said.all.clone();
 
@@ -55,7 +63,37 @@ pub fn run(args: &args::Bake) -> Result<ExitCode> {
     notes.iter().filter(|_| !args.quiet).for_each(|text| console::information(text));
     let report = Report { warnings: said.all, notes, peak_memory_mb: memory::peak_mb(), ..baked.report };
     tell(&Told { report: &report, audit: audit.as_ref() }, &outputs, &written.extras)?;
-    Ok(ExitCode::from(u8::from(args.strict && !report.warnings.is_empty())))
+    let typed = args.error.is_some() || args.quality.is_some();
+    let reached = report.target.as_ref().is_none_or(|t| t.reached || !typed);
+    Ok(ExitCode::from(if reached { u8::from(args.strict && !report.warnings.is_empty()) } else { TARGET_MISSED }))
+}
+
+/// The output is written, but not as good as the user typed.
+const TARGET_MISSED: u8 = 4;
+/// Error to reach if nothing else is said.
+const ERROR: f64 = 0.02;
+
+/// What is to be reached; `None` where the effort is fixed.
+fn target(args: &args::Bake) -> Option<Target> {
+    let error = args.error.or(args.quality.map(Quality::error));
+    let fixed = args.rays.is_some() || args.bounces.is_some();
+    let default = if args.time.is_none() { Some(ERROR) } else { None };
+    (!fixed).then(|| Target { error: error.or(default), time: args.time })
+}
+
+/// The warning that the error was not reached.
+fn missed(target: &TargetReport) -> Option<String> {
+    let (error, last) = (target.error?, target.looks.last()?);
+    let found = match (last.error, last.low, last.high) {
+        (Some(error), Some(low), Some(high)) => {
+            let [error, low, high] = [error, low, high].map(|x| format!("{:.1}", 100.0 * x));
+            format!("{error} % ({low} to {high})")
+        }
+        _ => "unknown: too few points can be seen".into(),
+    };
+    let rays = last.rays;
+    let text = format!("the error of {} % was not reached: with {rays} rays a texel it is {found}", 100.0 * error);
+    (!target.reached).then_some(text)
 }
 
 /// What the user should know, each sentence once, on stderr as soon as it is known.
@@ -102,7 +140,8 @@ fn options(args: &args::Bake) -> Result<Options> {
     let atlas = atlas::Options { unwrap, density, page_size };
     atlas.check()?;
     let radiosity = radiosity::Options { solver: args.solver, bounces: args.bounces };
-    let transport = transport::Options { rays: args.rays, reuse: !args.no_reuse };
+    let rays = args.rays.unwrap_or(transport::Options::default().rays);
+    let transport = transport::Options { rays, reuse: !args.no_reuse };
     let (max_reflectance, content) = (args.max_reflectance, args.content);
     Ok(Options { atlas, transport, max_reflectance, radiosity, content, ..Options::default() })
 }

@@ -1,7 +1,7 @@
 //! The command line: arguments to a bake or an audit, a bake to files, text and an exit code. The only code that knows clap.
 //!
 //! stdout carries the result (a summary, or the report's JSON); stderr everything else.
-//! Exit: 0 done, 1 failed (with `--strict` also: done with warnings), 2 wrong usage, 3 input, 130 interrupted.
+//! Exit: 0 done, 1 failed (with `--strict` also: done with warnings), 2 wrong usage, 3 input, 4 target missed, 130 interrupted.
 
 mod args;
 mod audit;

@@ -76,6 +76,13 @@ pub fn time(text: &str) -> Parsed<Duration> {
     within(number(digits)? * unit, 0.01, 86400.0, "the time in seconds").map(Duration::from_secs_f64)
 }
 
+/// A share, as a number or in per cent; above 0, at most 1.
+pub fn share(text: &str) -> Parsed<f64> {
+    let (digits, unit) = text.strip_suffix('%').map_or((text, 1.0), |digits| (digits, 0.01));
+    let share = number(digits)? * unit;
+    if share > 0.0 && share <= 1.0 { Ok(share) } else { Err("expected a share above 0, at most 100%".into()) }
+}
+
 /// Largest reflectance.
 pub fn reflectance(text: &str) -> Parsed<f32> {
     let r = number(text)?;
@@ -217,6 +224,14 @@ mod tests {
         assert_eq!(time(".5"), Ok(Duration::from_millis(500)));
         for wrong in ["", "0", "-1s", "nan", "1h", "1e9"] {
             assert!(time(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn shares() {
+        assert_eq!((share("2%"), share(".02"), share("100%")), (Ok(0.02), Ok(0.02), Ok(1.0)));
+        for wrong in ["", "%", "0", "-1%", "101%", "nan", "2 %%"] {
+            assert!(share(wrong).is_err(), "{wrong}");
         }
     }
 

@@ -77,6 +77,7 @@ fn short(report: &Report) -> Value {
         "relativeBound": report.solver.relative_bound,
         "energyImbalance": report.energy.imbalance,
         "warnings": report.warnings.len(),
+        "error": report.target.as_ref().and_then(|t| t.looks.last()).and_then(|look| look.error),
         "light": report.light,
     }));
     short.retain(|_, value| !value.is_null());

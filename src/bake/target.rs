@@ -1,0 +1,180 @@
+//! A bake to a target: as much effort as the audit asks for.
+//!
+//! The first bake takes few rays. An audit looks at it with fresh points; if it cannot be sure that the error is below the
+//! target, it says how many rays will do, by how errors fall with rays, and the bake takes those. However often it looks,
+//! the chance that it is ever satisfied wrongly stays that of one look: the n-th has 1/2^n of it. What is told in the end
+//! is the figure of points that decided nothing.
+
+use super::{Baked, Ground, Lit, Options, plan};
+use crate::{
+    audit::{self, Audit, Budget, Subject},
+    error::{Error, Result},
+    progress::Observer,
+    report::{LookReport, TargetReport},
+    scene::Scene,
+    transport,
+};
+use std::time::{Duration, Instant};
+
+/// When a bake is good enough; whichever comes first.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Target {
+    /// Root mean square error of texels over the mean, above 0.
+    pub error: Option<f64>,
+    /// Wall time. It is exceeded where the least effort takes longer.
+    pub time: Option<Duration>,
+}
+
+/// Rays a texel, and shadow rays a source, to begin with: for errors that are seen, and for others.
+const ROUGH: u32 = 8;
+const FINE: u32 = 16;
+/// Error that is seen.
+const SEEN: f64 = 0.05;
+/// Rays a texel at most.
+const MOST: u32 = 1024;
+/// Errors fall with about this power of the number of rays.
+const POWER: f64 = 0.45;
+/// More rays than this many times those before are not trusted to a guess.
+const LEAP: u32 = 8;
+/// Part of the target that a guess aims at: the audit must be sure.
+const AIM: f64 = 0.8;
+/// Rays of an audit: a share of the bake's, but not less than these, which take a second or two.
+const SHARE: u64 = 5;
+const LEAST: u64 = 3_000_000;
+/// Paths from each place of an audit's points: more points rather than better ones.
+const PATHS: u32 = 16;
+/// Audits that a look may add up to, in rays, while the target lies within the interval.
+const LOOK: u64 = 4;
+
+/// Bakes `scene` until the target is reached, or cannot be: `options` but for the rays. [`Report::target`] says which.
+///
+/// [`Report::target`]: crate::report::Report::target
+pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observer: &dyn Observer) -> Result<Baked<'s>> {
+    let start = Instant::now();
+    let first = if target.error.is_some_and(|e| e >= SEEN) { ROUGH } else { FINE };
+    let mut effort = with_rays(options, first);
+    let mut ground = Ground::new(scene, &effort, observer)?;
+    let most = most_rays(ground.coverage.texels.len(), options);
+    let mut report = TargetReport { error: target.error, ..TargetReport::default() };
+    let mut told = 0.0;
+    let lit = loop {
+        let began = Instant::now();
+        let lit = ground.light(&effort, observer)?;
+        let rays = effort.transport.rays;
+        let next = match target.error {
+            None => 2 * rays,
+            Some(error) => {
+                let look = look(&mut ground, &lit, &effort, report.looks.len(), error, observer)?;
+                report.looks.push(look_report(&look, &effort));
+                told = look.seconds;
+                match look.error.filter(|e| e.high > error) {
+                    None => {
+                        report.reached = look.error.is_some();
+                        break lit;
+                    }
+                    Some(found) => more_rays(rays, found.value / error),
+                }
+            }
+        };
+        // Twice the rays take less than twice the time; an audit follows.
+        let ahead = began.elapsed().mul_f64(f64::from(next) / f64::from(rays)) + Duration::from_secs_f64(told);
+        if rays >= most || target.time.is_some_and(|time| start.elapsed() + ahead > time) {
+            break lit;
+        }
+        let more = with_rays(options, next.min(most));
+        match plan::announce(scene, &ground.atlas, &ground.coverage, &more, observer) {
+            Err(Error::Memory { .. }) => break lit,
+            other => other?,
+        }
+        effort = more;
+    };
+    let audit = audited(&mut ground, &lit, &effort, 0, 0.95, 1, observer)?;
+    // The other points may know better.
+    report.reached &= !audit.error.zip(target.error).is_some_and(|(found, error)| found.low > error);
+    let mut baked = ground.baked(lit, &effort);
+    baked.report.target = Some(report);
+    baked.audit = Some(audit);
+    Ok(baked)
+}
+
+fn with_rays(options: &Options, rays: u32) -> Options {
+    let transport = transport::Options { rays, ..options.transport };
+    Options { transport, shadow_rays: rays.max(FINE), ..options.clone() }
+}
+
+/// As many as neighbours can share.
+fn most_rays(texels: usize, options: &Options) -> u32 {
+    let shared = |rays: &u32| transport::Options { rays: *rays, ..options.transport }.shares(texels);
+    let doubled = std::iter::successors(Some(MOST), |rays| Some(rays / 2)).take_while(|rays| *rays >= FINE);
+    if options.transport.reuse { doubled.into_iter().find(shared).unwrap_or(FINE) } else { MOST }
+}
+
+/// How many will do, for an error that is `excess` times the target.
+fn more_rays(rays: u32, excess: f64) -> u32 {
+    let factor = libm::pow(excess / AIM, 1.0 / POWER).clamp(2.0, f64::from(LEAP));
+    rays * (factor as u32).next_power_of_two()
+}
+
+/// Looks until the target lies outside of the interval, or long enough.
+fn look(
+    ground: &mut Ground,
+    lit: &Lit,
+    options: &Options,
+    before: usize,
+    error: f64,
+    observer: &dyn Observer,
+) -> Result<Audit> {
+    let level = 1.0 - 0.05 / f64::from(2u32 << before.min(20)) / f64::from(LOOK.ilog2() + 1);
+    let mut longer = 1;
+    loop {
+        let found = audited(ground, lit, options, before as u32 + 1, level, longer, observer)?;
+        let open = found.error.is_some_and(|e| e.value <= error && error < e.high);
+        if !open || longer == LOOK {
+            return Ok(found);
+        }
+        longer *= 2;
+    }
+}
+
+fn audited(
+    ground: &mut Ground,
+    lit: &Lit,
+    options: &Options,
+    seed: u32,
+    level: f64,
+    longer: u64,
+    observer: &dyn Observer,
+) -> Result<Audit> {
+    let rays = lit.transport.stats.traced + lit.direct.shadow_rays;
+    let budget = Budget::Rays(LEAST.max(rays / SHARE) * longer);
+    let Ground { tracer, coverage, clock, .. } = ground;
+    let subject = Subject { tracer, coverage, lightmaps: &lit.lightmaps, max_reflectance: options.max_reflectance };
+    let options = audit::Options { budget, paths: PATHS, seed, level };
+    clock.time("audit", || Audit::of(&subject, &options, observer))
+}
+
+fn look_report(look: &Audit, options: &Options) -> LookReport {
+    let (rays, shadow_rays, points, seconds) = (options.transport.rays, options.shadow_rays, look.points, look.seconds);
+    let [error, low, high] = [look.error.map(|e| e.value), look.error.map(|e| e.low), look.error.map(|e| e.high)];
+    LookReport { rays, shadow_rays, error, low, high, level: look.level, points, seconds }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn guesses_grow_with_the_excess_and_stay_near() {
+        assert_eq!(more_rays(16, 0.9), 32);
+        assert_eq!(more_rays(16, 1.5), 64);
+        assert_eq!(more_rays(16, 1000.0), 16 * LEAP);
+    }
+
+    #[test]
+    fn rays_end_where_neighbours_cannot_share_them() {
+        let options = Options::default();
+        assert_eq!(most_rays(1000, &options), MOST);
+        assert_eq!(most_rays(1 << 19, &options), 128);
+        assert_eq!(most_rays(1 << 24, &options), 64);
+    }
+}
