@@ -15,7 +15,7 @@ use crate::{
 };
 use glam::{Vec2, Vec3};
 
-/// Most triangles of a cut that are worth their closed form though they are not near.
+/// [`Emitters::exact`] of surfaces that shine; of patches that reflect, which are small and many, none.
 const EXACT: usize = 16;
 /// An inner node is opened while its radius exceeds this share of its distance.
 const OPEN: f32 = 0.5;
@@ -33,6 +33,8 @@ pub(super) struct Emitters {
     /// Running sum of power; `cumulative[i]` is before triangle i.
     cumulative: Vec<f64>,
     nodes: Vec<Node>,
+    /// Most triangles of a cut that are worth their closed form though they are not near.
+    exact: usize,
 }
 
 struct Emitter {
@@ -89,7 +91,7 @@ impl Emitters {
             .flat_map(|(i, p)| p.triangles.clone().map(move |t| (i, t)))
             .filter_map(|(i, t)| Emitter::new(world, i, t))
             .collect();
-        Self::grown(triangles)
+        Self::grown(triangles, EXACT)
     }
 
     /// The pieces of all patches of which `exitance` is not zero.
@@ -104,11 +106,11 @@ impl Emitters {
             let radiance = *m * (met * std::f32::consts::FRAC_1_PI);
             triangles.extend(footprint.triangles().filter_map(|t| Emitter::piece(t, back, radiance)));
         }
-        Self::grown(triangles)
+        Self::grown(triangles, 0)
     }
 
     /// The tree over `triangles`.
-    fn grown(mut triangles: Vec<Emitter>) -> Self {
+    fn grown(mut triangles: Vec<Emitter>, exact: usize) -> Self {
         let mut nodes = Vec::new();
         if !triangles.is_empty() {
             let n = triangles.len();
@@ -118,7 +120,7 @@ impl Emitters {
         for e in &triangles {
             cumulative.push(cumulative[cumulative.len() - 1] + f64::from(e.power()));
         }
-        Emitters { triangles, cumulative, nodes }
+        Emitters { triangles, cumulative, nodes, exact }
     }
 
     /// Number of triangles.
@@ -128,7 +130,7 @@ impl Emitters {
 
     /// True if every triangle is worth its closed form everywhere.
     pub fn are_few(&self) -> bool {
-        self.len() <= EXACT
+        self.len() <= self.exact
     }
 
     /// The nodes that light a texel that lies in `receiver`: leaves where they are near, inner nodes further away.
@@ -174,7 +176,7 @@ impl Emitters {
             let by_kind = b.near.cmp(&a.near).then(leaf(b).cmp(&leaf(a)));
             by_kind.then(b.weight.total_cmp(&a.weight))
         });
-        let exact = cut.iter().enumerate().take_while(|(i, s)| s.near || (*i < EXACT && leaf(s))).count();
+        let exact = cut.iter().enumerate().take_while(|(i, s)| s.near || (*i < self.exact && leaf(s))).count();
         cut.split_at(exact)
     }
 
