@@ -43,6 +43,7 @@ async function show(from) {
     expose(Number(parameters.get("exposure")) || exposureFor(irradiance ?? 1));
     say(summary(from, lightmap));
     await settle();
+    await drawn();
     document.body.dataset.state = "ready";
   } catch (error) {
     document.body.dataset.state = "failed";
@@ -133,6 +134,11 @@ function draw() {
     if (open) drawNow();
     if (moving) draw();
   });
+}
+
+/** Resolves once what was asked for before is on the screen. */
+function drawn() {
+  return new Promise(requestAnimationFrame);
 }
 
 function drawNow() {

@@ -27,6 +27,7 @@ export async function bench() {
   const folder = mkdtempSync(join(tmpdir(), "luxel-three-"));
   const { server, url } = await serve(folder);
   const browser = await chromium.launch({ executablePath: CHROMIUM, args: FLAGS });
+  let views = 0;
   const close = async () => {
     await browser.close();
     server.close();
@@ -34,17 +35,19 @@ export async function bench() {
     else rmSync(folder, { recursive: true });
   };
 
-  /** Opens a scene in the viewer: its pixels, what the console and the viewer said. */
-  async function view(parameters, { width, height }) {
+  /** Opens the viewer, lets `act` on the page: its pixels, what the console and the viewer said. */
+  async function view(parameters, { width, height }, act = async () => {}) {
     const page = await browser.newPage({ viewport: { width, height } });
     const said = [];
     page.on("console", (message) => said.push(`${message.type()}: ${message.text()}`));
     page.on("pageerror", (error) => said.push(`exception: ${error.message}`));
-    const address = { bare: 1, ...parameters, file: `/scenes/${parameters.file}` };
+    const { file, ...others } = parameters;
+    const address = { bare: 1, ...others, ...(file && { file: `/scenes/${file}` }) };
     await page.goto(`${url}/viewer/?${new URLSearchParams(address)}`);
-    await page.waitForFunction(() => ["ready", "failed"].includes(document.body.dataset.state));
+    await settled(page);
+    await act(page);
     const png = await page.screenshot();
-    if (process.env.KEEP) writeFileSync(join(folder, `${parameters.file}.${Object.values(parameters).slice(1).join("_")}.png`), png);
+    if (process.env.KEEP) writeFileSync(join(folder, `view${++views}.${file}.png`), png);
     const status = await page.textContent("#status");
     const pixels = await decode(page, png);
     await page.close();
@@ -60,6 +63,11 @@ export async function bench() {
   }
 
   return { folder, url, view, png, close };
+}
+
+/** Waits until the viewer shows what it was asked for, or says why not. */
+export async function settled(page) {
+  await page.waitForFunction(() => ["ready", "failed"].includes(document.body.dataset.state));
 }
 
 /** Width, height and RGBA bytes of a PNG: the browser has a decoder. */
