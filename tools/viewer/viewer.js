@@ -11,6 +11,7 @@ import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { LuxelLightmap } from "luxel-three";
 import { exposureFor, meanIrradiance } from "./exposure.js";
 import { applyLook, look } from "./look.js";
+import { throwShadows } from "./shadows.js";
 import { atUrl, ofFiles } from "./source.js";
 import { Walk } from "./walk.js";
 
@@ -24,6 +25,7 @@ const form = document.forms[0].elements;
 const status = document.getElementById("status");
 const antialias = parameters.get("antialias") !== "0";
 const renderer = new WebGLRenderer({ canvas: document.querySelector("canvas"), antialias });
+renderer.shadowMap.enabled = true;
 const camera = new PerspectiveCamera(FOV);
 const walk = new Walk(camera, renderer.domElement, draw);
 /** What is open: where from, the lit scene, the unbaked one (once it is asked for), the mean irradiance. */
@@ -68,6 +70,7 @@ function staged(gltf, irradiance) {
     lights ||= object.isLight;
     for (const material of [object.material ?? []].flat()) applyLook(material);
   });
+  throwShadows(scene, new Box3().setFromObject(scene));
   if (!lights) scene.add(new AmbientLight(0xffffff, irradiance ?? 1));
   return scene;
 }

@@ -1,12 +1,12 @@
 // The viewer shows what luxel's preview shows: rows, rectangles, channels, scale and three's arithmetic are right.
 
 import assert from "node:assert/strict";
-import { copyFileSync, rmSync } from "node:fs";
+import { copyFileSync, rmSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { ASSETS, bake, bench } from "./bench.js";
 import { compare } from "./compare.js";
-import { readGlb } from "./glb.js";
+import { readGlb, toGlb } from "./glb.js";
 
 /** Twice luxel's preview. */
 const SIZE = { width: 1920, height: 1080 };
@@ -15,6 +15,8 @@ const EFFORT = ["--resolution", "256", "--rays", "16"];
 const ROUNDING = { median: 0.5, p99: 1 };
 /** Textures: three takes smaller versions of them at a distance, previews do not. */
 const TEXTURED = { median: 0.5, p99: 3 };
+/** The edges of shadows: texels of the bake against those of a shadow map. */
+const SHADOWED = { median: 0.5, p99: 4 };
 /** Not in the repository. */
 const { ROOMS } = process.env;
 
@@ -71,6 +73,36 @@ test("1088 instances in 64 rooms", { skip: !ROOMS && "ROOMS does not name rooms_
   const scene = bake(stand.folder, ROOMS, "rooms.glb", ...light, "--camera", camera);
   assertWithin(await difference(t, scene, { gloss: 0, camera }), { median: 0.5, p99: 2 });
 });
+
+test("mixed light: the map's indirect light and a lamp drawn in real time are the full bake", async (t) => {
+  const lamp = join(stand.folder, "lamp.glb");
+  writeFileSync(lamp, Buffer.from(withLamp(`${ASSETS}cornell.glb`)));
+  const full = bake(stand.folder, lamp, "full.glb", ...EFFORT);
+  const mixed = bake(stand.folder, lamp, "mixed.glb", ...EFFORT, "--content", "indirect");
+  copyFileSync(join(stand.folder, "full.glb.png"), join(stand.folder, "mixed.glb.png"));
+  assertWithin(await difference(t, { ...mixed, exposure: full.exposure }, { gloss: 0 }), SHADOWED);
+
+  // Without the lamp it is not the full bake: the lamp is in neither the map nor `bakedLights`.
+  const dark = readGlb(join(stand.folder, mixed.name));
+  dark.json.extensions.KHR_lights_punctual.lights[0].intensity = 0;
+  writeFileSync(join(stand.folder, "dark.glb"), Buffer.from(toGlb(dark)));
+  copyFileSync(join(stand.folder, "full.glb.png"), join(stand.folder, "dark.glb.png"));
+  const without = await difference(t, { name: "dark.glb", exposure: full.exposure }, { gloss: 0 });
+  assert.ok(without.median > 20 && without.mean < -20);
+});
+
+/** The scene with a bare lamp in the air. */
+function withLamp(file) {
+  const glb = readGlb(file);
+  const { json } = glb;
+  const light = json.nodes.push({
+    name: "Lamp in the air", translation: [0.3, 2, 0.8], extensions: { KHR_lights_punctual: { light: 0 } },
+  }) - 1;
+  json.scenes[0].nodes.push(light);
+  json.extensions = { KHR_lights_punctual: { lights: [{ type: "point", intensity: 1.5 }] } };
+  json.extensionsUsed = [...(json.extensionsUsed ?? []), "KHR_lights_punctual"];
+  return toGlb(glb);
+}
 
 test("a page that is missing: one line, and the unbaked scene", async () => {
   const { name } = bake(stand.folder, `${ASSETS}room.glb`, "missing.gltf", ...EFFORT);
