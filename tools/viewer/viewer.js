@@ -40,6 +40,7 @@ async function show(from) {
     const gltf = await load(from, true);
     const lightmap = gltf.parser.plugins.LUXEL_lightmap;
     const irradiance = meanIrradiance(lightmap.pages);
+    for (const scene of [open?.lit, open?.unbaked]) discard(scene);
     open = { from, irradiance, lit: staged(gltf, irradiance), unbaked: null };
     lookThrough(gltf);
     expose(Number(parameters.get("exposure")) || exposureFor(irradiance ?? 1));
@@ -73,6 +74,18 @@ function staged(gltf, irradiance) {
   throwShadows(scene, new Box3().setFromObject(scene));
   if (!lights) scene.add(new AmbientLight(0xffffff, irradiance ?? 1));
   return scene;
+}
+
+/** Frees what a scene holds on the GPU. */
+function discard(scene) {
+  scene?.traverse((object) => {
+    object.geometry?.dispose();
+    object.shadow?.dispose();
+    for (const material of [object.material ?? []].flat()) {
+      Object.values(material).forEach((value) => value?.isTexture && value.dispose());
+      material.dispose();
+    }
+  });
 }
 
 function summary({ name }, { problem, pages, bakedLights }) {

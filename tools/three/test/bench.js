@@ -5,7 +5,7 @@ import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "no
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { chromium } from "playwright-core";
-import { serve } from "../../viewer/serve.js";
+import { serve } from "../../viewer/serve.mjs";
 
 export const ASSETS = new URL("../../../assets/", import.meta.url).pathname;
 const { LUXEL, CHROMIUM = "/usr/bin/chromium" } = process.env;

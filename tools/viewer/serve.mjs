@@ -1,6 +1,6 @@
 // A server for the viewer, for work and for tests.
 //
-//   node tools/viewer/serve.js [FOLDER]     serves FOLDER's scenes as /scenes/, and prints where to look
+//   node tools/viewer/serve.mjs [FOLDER]     serves FOLDER's scenes as /scenes/, and prints where to look
 
 import { createServer } from "node:http";
 import { readFile, readdir } from "node:fs/promises";
