@@ -33,12 +33,19 @@ pub(super) struct Point {
 const RESAMPLES: u32 = 2000;
 /// Points that a figure needs at least: with fewer, resampling knows nothing of the tail.
 const LEAST: usize = 10;
-/// Texels darker than this share of the mean have no relative error.
+/// What is darker than this share of the mean has no relative error.
 const BLACK: f64 = 0.01;
 
-/// Root of the mean square over the mean of the truth, over the points that `keep` keeps.
-pub(super) fn error(points: &[Point], level: f64, seed: u32, keep: impl Fn(&Point) -> bool) -> Option<Interval> {
-    over(points, level, seed, keep, |p| p.square, |p| p.truth)
+/// Root of the mean square over the mean of the truth.
+pub(super) fn error(points: &[Point], level: f64, seed: u32) -> Option<Interval> {
+    over(points, level, seed, |_| true, |p| p.square, |p| p.truth)
+}
+
+/// The same for the darker half, unless it is black.
+pub(super) fn error_of_dark(points: &[Point], level: f64, seed: u32) -> Option<Interval> {
+    let dark: Vec<Point> = points.iter().filter(|p| p.dark).copied().collect();
+    let black = mean(&dark, |p| p.truth) < BLACK * mean(points, |p| p.truth);
+    if black { None } else { error(&dark, level, seed) }
 }
 
 /// The same for a part of the points, over the mean of all.
@@ -219,6 +226,6 @@ mod tests {
 
     #[test]
     fn few_points_make_no_figure() {
-        assert!(error(&[Point::default(); LEAST - 1], 0.95, 0, |_| true).is_none());
+        assert!(error(&[Point::default(); LEAST - 1], 0.95, 0).is_none());
     }
 }

@@ -100,7 +100,7 @@ pub struct Audit {
     pub level: f64,
     /// Root mean square error over the mean.
     pub error: Option<Interval>,
-    /// The same over the darker half, over that half's mean.
+    /// The same over the darker half, over that half's mean; none where that is black, below a hundredth of the mean.
     pub dark: Option<Interval>,
     /// The same over the borders of charts, over the mean of all.
     pub border: Option<Interval>,
@@ -191,8 +191,8 @@ impl Audit {
 
     fn conclude(&mut self, points: &[Point], seed: u32) {
         let level = self.level;
-        self.error = figures::error(points, level, seed, |_| true);
-        self.dark = figures::error(points, level, seed, |p| p.dark);
+        self.error = figures::error(points, level, seed);
+        self.dark = figures::error_of_dark(points, level, seed);
         self.border = figures::error_of_part(points, level, seed, |p| p.border);
         self.bias = figures::bias(points, level, seed);
         self.median = figures::quantile(points, 0.5, level, seed);

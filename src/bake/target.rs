@@ -17,12 +17,14 @@ use crate::{
 use std::time::{Duration, Instant};
 
 /// When a bake is good enough; whichever comes first.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Target {
     /// Root mean square error of texels over the mean, above 0.
     pub error: Option<f64>,
     /// Wall time. It is exceeded where the least effort takes longer.
     pub time: Option<Duration>,
+    /// Rays a texel at most, 16..=1024; fewer where neighbours could not share them.
+    pub most_rays: u32,
 }
 
 /// Rays a texel, and shadow rays a source, to begin with: for errors that are seen, and for others.
@@ -30,21 +32,19 @@ const ROUGH: u32 = 8;
 const FINE: u32 = 16;
 /// Error that is seen.
 const SEEN: f64 = 0.05;
-/// Rays a texel at most.
-const MOST: u32 = 1024;
 /// Errors fall with about this power of the number of rays.
 const POWER: f64 = 0.45;
 /// More rays than this many times those before are not trusted to a guess.
-const LEAP: u32 = 8;
+const LEAP: u32 = 4;
 /// Part of the target that a guess aims at: the audit must be sure.
 const AIM: f64 = 0.8;
-/// Rays of an audit: a share of the bake's, but not less than these, which take a second or two.
-const SHARE: u64 = 5;
+/// Rays of an audit: a share of the bake's, which take half the time, but not less than these, which take a second or two.
+const SHARE: u64 = 12;
 const LEAST: u64 = 3_000_000;
 /// Paths from each place of an audit's points: more points rather than better ones.
 const PATHS: u32 = 16;
 /// Audits that a look may add up to, in rays, while the target lies within the interval.
-const LOOK: u64 = 4;
+const LOOK: u64 = 2;
 
 /// Bakes `scene` until the target is reached, or cannot be: `options` but for the rays. [`Report::target`] says which.
 ///
@@ -54,7 +54,7 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
     let first = if target.error.is_some_and(|e| e >= SEEN) { ROUGH } else { FINE };
     let mut effort = with_rays(options, first);
     let mut ground = Ground::new(scene, &effort, observer)?;
-    let most = most_rays(ground.coverage.texels.len(), options);
+    let most = most_rays(ground.coverage.texels.len(), options, target.most_rays);
     let mut report = TargetReport { error: target.error, ..TargetReport::default() };
     let mut told = 0.0;
     let lit = loop {
@@ -102,11 +102,11 @@ fn with_rays(options: &Options, rays: u32) -> Options {
     Options { transport, shadow_rays: rays.max(FINE), ..options.clone() }
 }
 
-/// As many as neighbours can share.
-fn most_rays(texels: usize, options: &Options) -> u32 {
+/// As many as neighbours can share, and `most`.
+fn most_rays(texels: usize, options: &Options, most: u32) -> u32 {
     let shared = |rays: &u32| transport::Options { rays: *rays, ..options.transport }.shares(texels);
-    let doubled = std::iter::successors(Some(MOST), |rays| Some(rays / 2)).take_while(|rays| *rays >= FINE);
-    if options.transport.reuse { doubled.into_iter().find(shared).unwrap_or(FINE) } else { MOST }
+    let mut halved = std::iter::successors(Some(most), |rays| Some(rays / 2)).take_while(|rays| *rays >= FINE);
+    if options.transport.reuse { halved.find(shared).unwrap_or(FINE) } else { most }
 }
 
 /// How many will do, for an error that is `excess` times the target.
@@ -173,8 +173,7 @@ mod tests {
     #[test]
     fn rays_end_where_neighbours_cannot_share_them() {
         let options = Options::default();
-        assert_eq!(most_rays(1000, &options), MOST);
-        assert_eq!(most_rays(1 << 19, &options), 128);
-        assert_eq!(most_rays(1 << 24, &options), 64);
+        assert_eq!([1000, 1 << 19, 1 << 24].map(|texels| most_rays(texels, &options, 1024)), [1024, 128, 64]);
+        assert_eq!(most_rays(1000, &options, 64), 64);
     }
 }

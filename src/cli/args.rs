@@ -335,7 +335,7 @@ mod tests {
     #[test]
     fn defaults_are_those_of_the_library() {
         let (bake, options) = (parse(&[]).unwrap(), luxel::bake::Options::default());
-        assert_eq!((bake.rays, !bake.no_reuse), (options.transport.rays, options.transport.reuse));
+        assert_eq!((bake.rays, !bake.no_reuse), (None, options.transport.reuse));
         assert_eq!(bake.max_reflectance, options.max_reflectance);
         assert_eq!((bake.solver, bake.bounces), (options.radiosity.solver, options.radiosity.bounces));
         assert_eq!(bake.content, options.content);

@@ -77,8 +77,9 @@ const ERROR: f64 = 0.02;
 fn target(args: &args::Bake) -> Option<Target> {
     let error = args.error.or(args.quality.map(Quality::error));
     let fixed = args.rays.is_some() || args.bounces.is_some();
-    let default = if args.time.is_none() { Some(ERROR) } else { None };
-    (!fixed).then(|| Target { error: error.or(default), time: args.time })
+    let typed = error.is_some() || args.time.is_some();
+    let default = Target { error: Some(ERROR), time: None, most_rays: 64 };
+    (!fixed).then_some(if typed { Target { error, time: args.time, most_rays: 1024 } } else { default })
 }
 
 /// The warning that the error was not reached.

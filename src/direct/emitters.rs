@@ -162,11 +162,10 @@ impl Emitters {
         }
     }
 
-    /// Unshadowed irradiance of a leaf: the mean of its closed form over `points`.
-    pub fn exact(&self, s: &Stratum, points: &[SurfacePoint]) -> Vec3 {
+    /// Unshadowed irradiance of a leaf at a point, in closed form.
+    pub fn exact(&self, s: &Stratum, p: &SurfacePoint) -> Vec3 {
         let e = &self.triangles[self.nodes[s.node as usize].begin as usize];
-        let share: f32 = points.iter().map(|p| e.projected_solid_angle(p) / p.kept()).sum();
-        e.radiance * (share / points.len() as f32)
+        e.radiance * (e.projected_solid_angle(p) / p.kept())
     }
 
     /// Sorts the cut into the triangles that are near or matter most, each worth its closed form, and the rest.

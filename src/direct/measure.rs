@@ -22,8 +22,9 @@ use rayon::prelude::*;
 
 /// Texels that one task takes.
 const CHUNK: usize = 256;
-/// Points at which a closed form is averaged over the texel.
+/// Points at which closed forms are averaged over the texel, and over one that lies so near that these differ.
 const EXACT_POINTS: usize = 8;
+const NEAR_POINTS: usize = 64;
 /// Blocks of points among which a partly enclosed texel looks for open ones.
 const BLOCKS: usize = 8;
 /// Blocks of points there for lamps, and for the sun and peaks of the sky, whose shadows have sharper edges yet.
@@ -101,10 +102,11 @@ pub(super) fn measure(
     let mixed = some(&|i| task.is_mixed(&received, i));
     observer.begin("direct: shadows", mixed.len() as u64);
     shadow_rays += task.measure(&mixed, &table(rays), false, &mut received, observer)?;
-    received = smooth(coverage, patches, &received);
+    smooth(coverage, patches, &mixed, &mut received);
     let edges = some(&|i| task.near(i, |n| task.is_edge(&received[n])));
     observer.begin("direct: shadow edges", edges.len() as u64);
     shadow_rays += task.measure(&edges, &table(rays * MORE), true, &mut received, observer)?;
+    smooth(coverage, patches, &edges, &mut received);
     Ok(Direct {
         lights: received.iter().map(|r| r.lights).collect(),
         hidden_lights: received.iter().map(|r| r.hidden).collect(),
@@ -222,8 +224,9 @@ impl Task<'_> {
         let (near, far) = self.sources.emitters.divide(cut);
         // The same points for all leaves: what their closed forms share between them sums up.
         few.clear();
-        few.extend(points.iter().take(EXACT_POINTS).map(|p| on_surface(p.place)));
-        let exact: Vec<Vec3> = near.iter().map(|s| self.sources.emitters.exact(s, few)).collect();
+        few.extend(points.iter().take(if edge { NEAR_POINTS } else { EXACT_POINTS }).map(|p| on_surface(p.place)));
+        let (exact, variance) = self.exact(near, few);
+        r.variance += variance;
         let near_weight: f32 = exact.iter().map(|e| luminance(*e)).sum();
         let far_weight: f32 = far.iter().map(|s| s.weight).sum();
         let samples = |part: f32| {
@@ -249,6 +252,25 @@ impl Task<'_> {
         let sent = sent.max(self.sources.faint);
         r.share = if sent > 0.0 { arrived / sent } else { 0.0 };
         r
+    }
+
+    /// Mean of each leaf's closed form over `points`, and the variance of what they sum up to.
+    fn exact(&self, leaves: &[Stratum], points: &[SurfacePoint]) -> (Vec<Vec3>, f32) {
+        let n = points.len() as f32;
+        let mut at_points = vec![0.0; points.len()];
+        let mean = |leaf| {
+            let mut sum = Vec3::ZERO;
+            for (p, all) in points.iter().zip(&mut at_points) {
+                let light = self.sources.emitters.exact(leaf, p);
+                sum += light;
+                *all += luminance(light);
+            }
+            sum / n
+        };
+        let means = leaves.iter().map(mean).collect();
+        let all = at_points.iter().sum::<f32>() / n;
+        let squares: f32 = at_points.iter().map(|x| (x - all) * (x - all)).sum();
+        (means, squares / (n * n * n.sqrt()))
     }
 
     /// As many points as a block has, or all that few blocks give, that other geometry does not enclose.

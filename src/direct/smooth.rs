@@ -1,8 +1,8 @@
 //! Penumbrae from few rays: a texel in a soft shadow reads a surface fitted to its neighbours' samples.
 //!
-//! Light in a penumbra is smooth, its samples are noisy, each texel's own. A polynomial fitted to a window of texels, of
-//! second order where the samples show a curve (Savitzky and Golay, 1964), keeps a few per cent of the noise's variance at
-//! the middle. What the fit leaves tells whether it may: more than the noise of the samples is an edge, and the texel
+//! Light in a penumbra is smooth, its samples are noisy, each texel's own. A polynomial of second order fitted to a window
+//! of texels keeps a fifth of the noise's variance at the middle (Savitzky and Golay, 1964), and follows a curve, which one
+//! of first order would flatten by as much as the noise hides. What the fit leaves tells whether it may: more than the noise of the samples is an edge, and the texel
 //! keeps its own.
 
 use super::measure::Received;
@@ -18,17 +18,13 @@ use rayon::prelude::*;
 const REACH: i32 = 2;
 /// Texels from which a fit is trusted.
 const ENOUGH: usize = 12;
-/// Polynomials of first order, and of second.
-const FLAT: usize = 3;
-const CURVED: usize = 6;
-/// What second order explains, by what it leaves, each a degree of freedom: above this it is no chance (the F-test; by
-/// chance once in 20).
-const PLAIN: f32 = 3.1;
+/// Polynomials up to second order.
+const ORDER: usize = 6;
 
-/// New values of all fronts; only those change whose own samples disagree.
-pub(super) fn smooth(coverage: &Coverage, patches: &Patches, received: &[Received]) -> Vec<Received> {
-    let fitted = |i: usize| fit(coverage, patches, received, i).unwrap_or(received[i]);
-    (0..received.len()).into_par_iter().map(fitted).collect()
+/// Fits those of some patches whose own samples disagree.
+pub(super) fn smooth(coverage: &Coverage, patches: &Patches, which: &[u32], received: &mut [Received]) {
+    let fitted: Vec<_> = which.par_iter().map(|&i| (i, fit(coverage, patches, received, i as usize))).collect();
+    fitted.into_iter().filter_map(|(i, r)| Some((i, r?))).for_each(|(i, r)| received[i as usize] = r);
 }
 
 fn fit(coverage: &Coverage, patches: &Patches, received: &[Received], patch: usize) -> Option<Received> {
@@ -44,25 +40,19 @@ fn fit(coverage: &Coverage, patches: &Patches, received: &[Received], patch: usi
     let values: Vec<f32> = window.texels.iter().map(|&t| luminance(of(t).total())).collect();
     let noise = window.texels.iter().map(|&t| of(t).variance).sum::<f32>() / n as f32;
     let parts: Vec<f32> = window.basis.iter().map(|phi| phi.iter().zip(&values).map(|(p, v)| p * v).sum()).collect();
-    let mean = values.iter().sum::<f32>() / n as f32;
-    let all: f32 = values.iter().map(|v| (v - mean) * (v - mean)).sum();
-    // The first polynomial is the mean.
-    let explained = |range: std::ops::Range<usize>| parts[range].iter().map(|c| c * c).sum::<f32>();
-    let (flat, curve) = (explained(1..FLAT), explained(FLAT..CURVED));
-    let left = ((all - flat - curve) / (n - CURVED) as f32).max(0.0);
-    let curved = curve > PLAIN * (CURVED - FLAT) as f32 * left;
-    let (order, left) = if curved { (CURVED, left) } else { (FLAT, ((all - flat) / (n - FLAT) as f32).max(0.0)) };
-    if left > noise {
+    let all: f32 = values.iter().map(|v| v * v).sum();
+    let explained: f32 = parts.iter().map(|c| c * c).sum();
+    if (all - explained).max(0.0) / (n - ORDER) as f32 > noise {
         return None;
     }
+    let weight = |m: usize| window.basis.iter().map(|phi| phi[m] * phi[window.middle]).sum::<f32>();
+    let weights: Vec<f32> = (0..n).map(weight).collect();
     let own = received[patch];
     let zero = own.zip(&own, |_, _| Vec3::ZERO);
-    let sum = window.texels.iter().enumerate().fold(zero, |sum, (m, &t)| {
-        let weight: f32 = window.basis[..order].iter().map(|phi| phi[m] * phi[window.middle]).sum();
-        sum.zip(of(t), |sum, light| sum + light * weight)
-    });
-    // What is left of the noise is not worth more rays.
-    Some(Received { variance: 0.0, ..sum.zip(&zero, Vec3::max) })
+    let add = |sum: Received, (&t, &weight): (&u32, &f32)| sum.zip(of(t), |sum, light| sum + light * weight);
+    let sum = window.texels.iter().zip(&weights).fold(zero, add);
+    let variance = noise * weights.iter().map(|w| w * w).sum::<f32>();
+    Some(Received { variance, ..sum.zip(&zero, Vec3::max) })
 }
 
 /// A texel and those around it on the same smooth surface, with orthonormal polynomials over them.
@@ -92,9 +82,9 @@ impl Window {
             texels.push(t);
             places.push(d.as_vec2());
         }
-        let monomials: [fn(f32, f32) -> f32; CURVED] =
+        let monomials: [fn(f32, f32) -> f32; ORDER] =
             [|_, _| 1.0, |x, _| x, |_, y| y, |x, _| x * x, |x, y| x * y, |_, y| y * y];
-        let mut basis: Vec<Vec<f32>> = Vec::with_capacity(CURVED);
+        let mut basis: Vec<Vec<f32>> = Vec::with_capacity(ORDER);
         for monomial in monomials {
             let mut phi: Vec<f32> = places.iter().map(|p| monomial(p.x, p.y)).collect();
             for other in &basis {

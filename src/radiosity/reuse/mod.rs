@@ -22,8 +22,8 @@ use rayon::prelude::*;
 use trend::Sample;
 
 /// Edge of the squares of texels that share their rays, and how far beyond they look for more.
-const TILE: u32 = 4;
-const MARGIN: u32 = 1;
+const TILE: u32 = 6;
+const MARGIN: u32 = 2;
 /// Height, in texels, above which something that stands between two texels parts them.
 const LIFT: f32 = 0.5;
 
