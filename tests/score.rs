@@ -70,7 +70,8 @@ fn rays_used_again_stand_for_many() {
 }
 
 /// The figures are those that a scorer in another language gave for the same values.
-/// A square lamp's shadows from 8 rays a texel, of which neighbours in a penumbra make 25 times as many.
+/// A square lamp's shadows from 8 rays a texel, which neighbours in a penumbra share. Unshared it takes 29 rays a texel on
+/// average, and the errors are .0118, .0222 and .0092.
 #[test]
 fn soft_shadows_take_few_rays() {
     let (scene, truth) = read("cornell");
@@ -78,10 +79,10 @@ fn soft_shadows_take_few_rays() {
     let options = bake::Options { transport, shadow_rays: 8, ..bake::Options::default() };
     let baked = bake_with(&scene, &truth, Unwrap::Keep, options);
     let found = Metrics::new(&truth, &score::texels(&baked.lightmaps, &truth));
-    assert_within(&found, [0.015, 0.025, 0.015], 0.003);
+    assert_within(&found, [0.0105, 0.02, 0.0105], 0.003);
     let rays = baked.report.rays.shadow as f64 / baked.report.texels as f64;
     println!("{rays} shadow rays a texel");
-    assert!(rays < 18.0, "{rays} shadow rays a texel");
+    assert!(rays < 26.0, "{rays} shadow rays a texel");
 }
 
 /// Beside a window's frame the sky is hidden by degrees: what neighbours see of it must not be taken for one's own.

@@ -371,7 +371,11 @@ mod tests {
             &["--solver", "magic"],
             &["--solver", "Jacobi"],
             &["--solver", ""],
-            &["--error", "2%"],
+            &["--error", "0"],
+            &["--error", "2%", "--rays", "4"],
+            &["--time", "0"],
+            &["--quality", "best"],
+            &["--quality", "high", "--bounces", "2"],
             &["b.glb"],
         ];
         for options in wrong {
