@@ -1,11 +1,10 @@
 //! [`Direct`]: irradiance that arrives without a bounce, from lights, small emitters and the sky's peaks.
 //!
 //! Each source's unshadowed irradiance is known in closed form (or nearly); shadow rays measure the share that arrives.
-//! Few probes settle the texels that see all of a source or nothing; where they disagree, within the texel or with its
-//! neighbours, more rays follow, which soft shadows share ([`smooth`]); most go where that does not explain them, to
-//! edges. Sources that rows see well enough (large emitters, smooth sky) are left to the rows:
-//! [`Sources`] decides, and each is counted once. Patches that reflect much of this light are sources in their turn
-//! ([`Bounce`]).
+//! Few probes settle the texels that see all of a source or nothing. Where they disagree, within the texel or with its
+//! neighbours, more rays follow, which soft shadows share (`smooth`); most go to edges, which no fit explains. Sources that
+//! rows see well enough (large emitters, smooth sky) are left to the rows: [`Sources`] decides, and each is counted once.
+//! Patches that reflect much of this light are sources in their turn ([`Bounce`]).
 
 mod bright;
 mod disc;
