@@ -112,7 +112,9 @@ fn first(path: usize, set: u32, seed: u32) -> Vec2 {
 
 /// Point `i` of a net in the unit square; nets of different sets are independent.
 pub(super) fn net(i: u32, set: u32, seed: u32) -> Vec2 {
-    let [x, y, ..] = sobol_burley::sample_4d(i, set, seed);
+    // The sequence has 2^16 points; then come those of another seed.
+    let seed = seed.wrapping_add((i >> 16).wrapping_mul(0x9e37_79b9));
+    let [x, y, ..] = sobol_burley::sample_4d(i & 0xffff, set, seed);
     Vec2::new(x, y)
 }
 

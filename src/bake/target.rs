@@ -14,6 +14,7 @@ use crate::{
     scene::Scene,
     transport,
 };
+use glam::Vec3;
 use std::time::{Duration, Instant};
 
 /// When a bake is good enough; whichever comes first.
@@ -56,32 +57,33 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
     let mut ground = Ground::new(scene, &effort, observer)?;
     let most = most_rays(ground.coverage.texels.len(), options, target.most_rays);
     let mut report = TargetReport { error: target.error, ..TargetReport::default() };
-    let mut told = 0.0;
     let lit = loop {
         let began = Instant::now();
         let lit = ground.light(&effort, observer)?;
+        let spent = began.elapsed();
         let rays = effort.transport.rays;
         let next = match target.error {
             None => 2 * rays,
             Some(error) => {
                 let look = look(&mut ground, &lit, &effort, report.looks.len(), error, observer)?;
                 report.looks.push(look_report(&look, &effort));
-                told = look.seconds;
-                match look.error.filter(|e| e.high > error) {
-                    None => {
-                        report.reached = look.error.is_some();
+                match look.error {
+                    Some(found) if found.high > error => more_rays(rays, found.value / error),
+                    found => {
+                        // Nothing can be said of a scene without light, but that it is dark.
+                        report.reached = found.is_some() || is_black(&lit);
                         break lit;
                     }
-                    Some(found) => more_rays(rays, found.value / error),
                 }
             }
         };
-        // Twice the rays take less than twice the time; an audit follows.
-        let ahead = began.elapsed().mul_f64(f64::from(next) / f64::from(rays)) + Duration::from_secs_f64(told);
+        let next = next.min(most);
+        // Time grows no faster than rays; audits take half as long again.
+        let ahead = spent.mul_f64(1.5 * f64::from(next) / f64::from(rays));
         if rays >= most || target.time.is_some_and(|time| start.elapsed() + ahead > time) {
             break lit;
         }
-        let more = with_rays(options, next.min(most));
+        let more = with_rays(options, next);
         match plan::announce(scene, &ground.atlas, &ground.coverage, &more, observer) {
             Err(Error::Memory { .. }) => break lit,
             other => other?,
@@ -89,12 +91,14 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
         effort = more;
     };
     let audit = audited(&mut ground, &lit, &effort, 0, 0.95, 1, observer)?;
-    // The other points may know better.
-    report.reached &= !audit.error.zip(target.error).is_some_and(|(found, error)| found.low > error);
     let mut baked = ground.baked(lit, &effort);
     baked.report.target = Some(report);
     baked.audit = Some(audit);
     Ok(baked)
+}
+
+fn is_black(lit: &Lit) -> bool {
+    lit.lightmaps.pages.iter().all(|page| page.irradiance.iter().all(|e| *e == Vec3::ZERO))
 }
 
 fn with_rays(options: &Options, rays: u32) -> Options {
@@ -124,7 +128,8 @@ fn look(
     error: f64,
     observer: &dyn Observer,
 ) -> Result<Audit> {
-    let level = 1.0 - 0.05 / f64::from(2u32 << before.min(20)) / f64::from(LOOK.ilog2() + 1);
+    // Resampling does not tell rarer cases from each other.
+    let level = 1.0 - 0.05 / f64::from(2u32 << before.min(4)) / f64::from(LOOK.ilog2() + 1);
     let mut longer = 1;
     loop {
         let found = audited(ground, lit, options, before as u32 + 1, level, longer, observer)?;

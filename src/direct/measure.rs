@@ -200,11 +200,10 @@ impl Task<'_> {
         let mut book = |tally: Tally, r: &mut Received| {
             sent += luminance(tally.sent);
             arrived += luminance(tally.arrived);
-            r.mixed |= tally.hits > 0 && tally.hits < tally.rays;
+            r.mixed |= tally.spread() > 0.0;
             // Errors of stratified points at an edge fall faster than with the root of their number.
             let n = tally.rays.max(1) as f32;
-            let share = tally.hits as f32 / n;
-            r.variance += luminance(tally.sent).powi(2) * share * (1.0 - share) / (n * n.sqrt().sqrt());
+            r.variance += luminance(tally.sent).powi(2) * tally.spread() / (n * n.sqrt().sqrt());
             r.rays += tally.rays;
         };
         for light in self.sources.lights.iter().filter(|l| l.bake != Bake::None) {
@@ -247,7 +246,8 @@ impl Task<'_> {
             r.emitters += tally.arrived;
             r.variance += noise * noise;
             r.mixed |= noise > NOISE * luminance(r.emitters).max(self.sources.faint);
-            book(Tally { hits: tally.rays, ..tally }, &mut r);
+            // Its spread is in the noise.
+            book(Tally { through: [0.0; 2], ..tally }, &mut r);
         }
         let sent = sent.max(self.sources.faint);
         r.share = if sent > 0.0 { arrived / sent } else { 0.0 };

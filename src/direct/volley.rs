@@ -1,6 +1,7 @@
 //! Shadow rays from a texel to one source: aimed one by one, traced together.
 
 use crate::{
+    math::luminance,
     patches::SurfacePoint,
     trace::{Segment, Tracer},
 };
@@ -26,7 +27,8 @@ struct Shot {
 pub(super) struct Tally {
     pub sent: Vec3,
     pub arrived: Vec3,
-    pub hits: u32,
+    /// Sum of the shares (luminance) that come through, and of their squares.
+    pub through: [f32; 2],
     pub rays: u32,
 }
 
@@ -51,7 +53,9 @@ impl Volley {
         for (shot, &through) in self.shots.iter().zip(&self.through) {
             tally.sent += shot.sent;
             tally.arrived += shot.irradiance * through;
-            tally.hits += u32::from(through != Vec3::ZERO);
+            let share = luminance(through);
+            tally.through[0] += share;
+            tally.through[1] += share * share;
         }
         tally
     }
@@ -63,6 +67,15 @@ impl Volley {
 }
 
 impl Tally {
+    /// Variance of the share that comes through, from ray to ray.
+    pub fn spread(&self) -> f32 {
+        let n = self.rays.max(1) as f32;
+        let [mean, square] = self.through.map(|sum| sum / n);
+        let spread = square - mean * mean;
+        // Less is rounding.
+        if spread > 1e-5 { spread } else { 0.0 }
+    }
+
     /// The same share of `exact`.
     pub fn of(self, exact: Vec3) -> Self {
         let share = Vec3::select(self.sent.cmpgt(Vec3::ZERO), self.arrived / self.sent, Vec3::ZERO);

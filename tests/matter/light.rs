@@ -265,6 +265,22 @@ fn what_passes_through_a_lamp_is_not_emitted() {
     close("glass", got, expected, 0.01);
 }
 
+/// The edge of what half lets light through is an edge: as many rays as that of what lets none through.
+#[test]
+fn shadows_of_veils_have_edges() {
+    let rays = |opacity: f32| {
+        let mut stage = Stage::new();
+        let base_color = Vec3::ONE.extend(opacity);
+        let (floor, pane) = (stage.add(black()), stage.add(Material { base_color, alpha: Alpha::Blend, ..black() }));
+        rectangle(&mut stage, floor, [Vec3::ZERO, Vec3::Z * 2.0, Vec3::X * 2.0], UVec2::splat(16));
+        rectangle(&mut stage, pane, [vec3(0.53, 0.2, 0.53), Vec3::Z, Vec3::X], UVec2::splat(4));
+        stage.light(LightKind::Directional { angle: 2.0 }, Vec3::ZERO, Vec3::NEG_Y, 1.0);
+        shoot(stage, 32).baked.report.rays.shadow
+    };
+    let [veil, wall] = [rays(0.5), rays(1.0)];
+    assert!(veil > wall / 2, "{veil} rays for a veil, {wall} for a wall");
+}
+
 /// A room with a window, furnished with a lamp; everything by face normals, one side.
 #[test]
 fn power_is_kept_with_lamp_light_and_sun() {

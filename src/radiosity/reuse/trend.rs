@@ -9,9 +9,9 @@ use glam::{Mat2, Vec2, Vec3};
 
 /// Receivers that show a trend, at least.
 const ENOUGH: usize = 8;
-/// What the trend explains, by what it leaves, each a degree of freedom: at least this, or it may be chance (the F-test;
-/// by chance it happens once in 500).
-const PLAIN: f32 = 7.0;
+/// What the trend explains, by what it leaves, each a degree of freedom, must be more than chance makes it once in so many
+/// pools (the F-test; with two degrees of freedom its quantiles have a closed form).
+const RARE: f32 = 500.0;
 
 /// One receiver of a pool.
 pub(super) struct Sample {
@@ -42,7 +42,8 @@ pub(super) fn of(samples: &[Sample]) -> Option<impl Fn(Vec2) -> Vec3 + use<>> {
     let slope = [0, 1].map(|k| along[0] * inverse.col(0)[k] + along[1] * inverse.col(1)[k]);
     let explained = luminance(slope[0]) * luminance(along[0]) + luminance(slope[1]) * luminance(along[1]);
     let freedom = (samples.len() - 3) as f32;
-    let plain = explained / 2.0 > PLAIN * (all - explained).max(0.0) / freedom;
+    let rare = 0.5 * freedom * (libm::powf(RARE, 2.0 / freedom) - 1.0);
+    let plain = explained / 2.0 > rare * (all - explained).max(0.0) / freedom;
     (plain && explained.is_finite()).then_some(move |at: Vec2| {
         let x = at - middle;
         mean + slope[0] * x.x + slope[1] * x.y
@@ -75,6 +76,9 @@ mod tests {
     #[test]
     fn chance_is_left_alone() {
         let found = (0..1000).filter(|&seed| of(&samples(|_| 0.0, 0.1, seed)).is_some()).count();
+        assert!(found < 10, "{found} of 1000 are trends");
+        let few = |seed| samples(|_| 0.0, 0.1, seed).into_iter().step_by(4).collect::<Vec<_>>();
+        let found = (0..1000).filter(|&seed| of(&few(seed)).is_some()).count();
         assert!(found < 10, "{found} of 1000 are trends");
         assert!(of(&samples(|_| 0.0, 0.0, 0)).is_none());
         assert!(of(&samples(|at| at.x, 0.0, 0)[..ENOUGH - 1]).is_none());
