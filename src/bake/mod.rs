@@ -11,7 +11,7 @@ use crate::{
     audit::Audit,
     direct::{Direct, Sources, sky_cells},
     error::Result,
-    lightmaps::{Content, Lightmaps, jump_across_seams},
+    lightmaps::{Content, Lightmaps},
     patches::Patches,
     progress::Observer,
     radiosity::{self, Radiosity},
@@ -138,15 +138,13 @@ impl<'s> Ground<'s> {
         Ok(Lit { patches, transport, direct, radiosity, energy, lightmaps })
     }
 
-    fn baked(self, lit: Lit, options: &Options) -> Baked<'s> {
-        let Ground { tracer, atlas, coverage, warnings, clock, .. } = self;
-        let Lit { patches, transport, direct, radiosity, energy, lightmaps } = lit;
-        let mut report = Report { warnings, seconds: clock.seconds, energy, ..Report::default() };
-        report.seam_jump_p95 = jump_across_seams(&tracer.world, &atlas, &coverage, &lightmaps);
-        plan::describe(&mut report, &tracer, &atlas, &coverage, &patches, &transport, &direct, &lightmaps);
-        report.solver = radiosity.report;
+    fn baked(mut self, lit: Lit, options: &Options) -> Baked<'s> {
+        let (warnings, seconds) = (std::mem::take(&mut self.warnings), std::mem::take(&mut self.clock.seconds));
+        let mut report = Report { warnings, seconds, ..Report::default() };
+        plan::describe(&mut report, &self, &lit);
         plan::warn(&mut report, options);
-        plan::warn_of_broken(&mut report, &lightmaps);
+        let Ground { tracer, atlas, coverage, .. } = self;
+        let Lit { patches, direct, radiosity, lightmaps, .. } = lit;
         let irradiance = (0..patches.len()).map(|p| direct.total(p) + radiosity.indirect[p]).collect();
         Baked { tracer, atlas, coverage, patches, irradiance, lightmaps, report, audit: None }
     }

@@ -1,18 +1,15 @@
 //! What a bake says before and after: the pre-flight line, the report, warnings.
 
-use super::Options;
+use super::{Ground, Lit, Options};
 use crate::{
     atlas::{self, Atlas, Coverage, Density, NO_CHART},
-    direct::Direct,
     error::{Error, Result},
-    lightmaps::Lightmaps,
+    lightmaps::jump_across_seams,
     memory,
-    patches::Patches,
     progress::Observer,
     report::{NodeReport, PageReport, RayReport, ReflectanceReport, Report, SCHEMA, SceneCounts},
     scene::{Primitive, Scene, Texture},
     trace::{self, Tracer},
-    transport::Transport,
 };
 use std::collections::HashSet;
 
@@ -81,17 +78,9 @@ pub(super) fn announce(
 }
 
 /// Fills the report from the rooms.
-#[allow(clippy::too_many_arguments)] // one argument a room
-pub(super) fn describe(
-    r: &mut Report,
-    tracer: &Tracer,
-    atlas: &Atlas,
-    coverage: &Coverage,
-    patches: &Patches,
-    transport: &Transport,
-    direct: &Direct,
-    lightmaps: &Lightmaps,
-) {
+pub(super) fn describe(r: &mut Report, ground: &Ground, lit: &Lit) {
+    let Ground { tracer, atlas, coverage, .. } = ground;
+    let Lit { patches, transport, direct, radiosity, lightmaps, .. } = lit;
     let scene = tracer.world.scene;
     r.schema = SCHEMA;
     r.generator = concat!("luxel ", env!("CARGO_PKG_VERSION")).into();
@@ -119,6 +108,9 @@ pub(super) fn describe(
     };
     r.buried_texels = lightmaps.buried;
     r.turned_texels = lightmaps.turned;
+    r.seam_jump_p95 = jump_across_seams(&tracer.world, atlas, coverage, lightmaps);
+    r.energy = lit.energy.clone();
+    r.solver = radiosity.report.clone();
     r.peak_memory_mb = memory::peak_mb();
     let mut covered = vec![0; atlas.pages.len()];
     coverage.texels.iter().for_each(|t| covered[t.page as usize] += 1);
@@ -129,6 +121,12 @@ pub(super) fn describe(
     }
     r.nodes = (0..scene.instances.len()).map(|i| node(tracer, atlas, coverage, i)).collect();
     warn_of_uncovered(r, tracer, coverage);
+    if lightmaps.broken > 0 {
+        r.warnings.push(format!(
+            "{} texels came out infinite and were set to 0: is a light absurdly bright?",
+            lightmaps.broken
+        ));
+    }
 }
 
 /// Names nodes that have a place on a page, but no texel there.
@@ -170,16 +168,6 @@ pub(super) fn warn(r: &mut Report, options: &Options) {
     }
     if let Some(bound) = r.solver.relative_bound.filter(|_| !r.solver.converged) {
         r.warnings.push(format!("the solver stopped at a relative error bound of {bound:.1e}"));
-    }
-}
-
-/// Says so if a value could not be kept.
-pub(super) fn warn_of_broken(r: &mut Report, lightmaps: &Lightmaps) {
-    if lightmaps.broken > 0 {
-        r.warnings.push(format!(
-            "{} texels came out infinite and were set to 0: is a light absurdly bright?",
-            lightmaps.broken
-        ));
     }
 }
 

@@ -27,11 +27,11 @@ const EXACT_POINTS: usize = 8;
 const NEAR_POINTS: usize = 64;
 /// Blocks of points among which a partly enclosed texel looks for open ones.
 const BLOCKS: usize = 8;
+/// Times the shadow rays that texels get which no fit explains: edges.
+const MORE: u32 = 4;
 /// Blocks of points there for lamps, and for the sun and peaks of the sky, whose shadows have sharper edges yet.
 const LAMP_BLOCKS: usize = 4;
 const SUN_BLOCKS: usize = 16;
-/// Times the shadow rays that texels get which no fit explains.
-const MORE: u32 = 4;
 /// Shadow rays at most: there are no more points.
 const MOST: u32 = 1 << 16;
 /// Relative standard error that calls for more rays.

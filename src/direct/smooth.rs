@@ -2,8 +2,8 @@
 //!
 //! Light in a penumbra is smooth, its samples are noisy, each texel's own. A polynomial of second order fitted to a window
 //! of texels keeps a fifth of the noise's variance at the middle (Savitzky and Golay, 1964), and follows a curve, which one
-//! of first order would flatten by as much as the noise hides. What the fit leaves tells whether it may: more than the noise of the samples is an edge, and the texel
-//! keeps its own.
+//! of first order would flatten by as much as the noise hides. What the fit leaves tells whether it may: more than the
+//! noise of the samples is an edge, and the texel keeps its own.
 
 use super::measure::Received;
 use crate::{

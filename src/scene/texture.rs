@@ -45,8 +45,9 @@ impl Texture {
     pub fn new(size: UVec2, rgba: Vec<[u8; 4]>, srgb: bool, wrap: [Wrap; 2], nearest: bool) -> Self {
         assert_eq!(rgba.len(), (size.x * size.y) as usize, "a texture's texels are its width times its height");
         let mut t = Texture { levels: vec![Level { size, rgba }], srgb, wrap, nearest };
-        while t.levels.last().is_some_and(|l| l.size.max_element() > 1) {
-            t.levels.push(t.halved());
+        while let Some(last) = t.levels.last().filter(|l| l.size.max_element() > 1) {
+            let next = t.halved(last);
+            t.levels.push(next);
         }
         t
     }
@@ -110,8 +111,7 @@ impl Texture {
     }
 
     /// The next level: each texel is the mean of the area it covers, so the picture's mean is kept at odd sizes too.
-    fn halved(&self) -> Level {
-        let from = self.levels.last().expect("a texture has a level");
+    fn halved(&self, from: &Level) -> Level {
         let size = (from.size / 2).max(UVec2::ONE);
         let at = |x: u32, y: u32| {
             let mut mean = Vec4::ZERO;

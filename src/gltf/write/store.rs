@@ -291,13 +291,13 @@ pub fn visit_mut(value: &mut Value, f: &mut impl FnMut(&mut Map<String, Value>))
 
 /// Index of a null entry of the array `key`: a free one or one more.
 fn slot(json: &mut Value, key: &str, free: &mut BTreeSet<usize>) -> usize {
-    if !json[key].is_array() {
+    let len = json[key].as_array().map_or(0, Vec::len);
+    if len == 0 {
         json[key] = json!([]);
     }
     free.pop_first().unwrap_or_else(|| {
-        let list = json[key].as_array_mut().expect("made an array above");
-        list.push(Value::Null);
-        list.len() - 1
+        json[key].as_array_mut().into_iter().for_each(|list| list.push(Value::Null));
+        len
     })
 }
 

@@ -1,34 +1,16 @@
-//! The options, their help and their ranges.
+//! Options of `luxel bake`.
 
-use super::values::{self, CameraWish, SkyWish, SunWish};
-use clap::{
-    ArgGroup, Parser, Subcommand,
-    builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser},
+use super::{
+    super::values::{self, CameraWish, SkyWish, SunWish},
+    named, threads,
 };
+use clap::{ArgGroup, builder::RangedU64ValueParser};
 use luxel::{
     atlas::{PAGE_EDGES, Unwrap},
     lightmaps::Content,
     radiosity::Solver,
 };
 use std::{path::PathBuf, time::Duration};
-
-/// Bakes global illumination into glTF scenes: glTF in, the same glTF with HDR lightmaps out.
-#[derive(Debug, Parser)]
-#[command(name = "luxel", version, arg_required_else_help = true, after_help = EXAMPLE)]
-pub struct Args {
-    #[command(subcommand)]
-    pub command: Command,
-}
-
-const EXAMPLE: &str = "Example: luxel bake scene.glb --sun 40,35,100000 --sky 4000,5000,7000 --preview scene.png";
-
-#[derive(Debug, Subcommand)]
-pub enum Command {
-    /// Bake the light of a scene into lightmaps
-    Bake(Box<Bake>),
-    /// Measure how wrong the lightmaps of a baked file are, by a path tracer that knows nothing of how they were made
-    Audit(Box<Audit>),
-}
 
 const EXAMPLES: &str = "\
 Examples:
@@ -113,7 +95,7 @@ pub struct Bake {
     /// Threads, 1 to 1024, but never more than four a processor; the result does not depend on them [default: one a
     /// processor]
     #[arg(long, value_name = "N", help_heading = "Effort",
-          value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024), allow_negative_numbers = true)]
+          value_parser = threads(), allow_negative_numbers = true)]
     pub threads: Option<usize>,
 
     /// Radiance of the sky, one colour or an equirectangular picture (.exr, .hdr; +Y up, centre towards -Z), with a
@@ -196,76 +178,6 @@ pub struct Bake {
     pub strict: bool,
 }
 
-const AUDIT_EXAMPLES: &str = "\
-Examples:
-  luxel audit scene.lit.glb
-  luxel audit scene.lit.glb --time 60s --report audit.json
-  luxel audit scene.lit.glb --points 2000
-      the same figures on any machine
-
-Errors are root mean squares over the mean; in brackets their nominal 95 % confidence intervals.
-
-Exit codes: 0 done; 1 failed; 2 wrong usage; 3 the input is missing, invalid or not baked; 130 interrupted.";
-
-#[derive(Debug, clap::Args)]
-#[command(arg_required_else_help = true, after_help = AUDIT_EXAMPLES)]
-#[command(group = ArgGroup::new("effort").args(["points", "time"]))]
-pub struct Audit {
-    /// The baked scene, .glb or .gltf
-    #[arg(value_name = "BAKED")]
-    pub input: PathBuf,
-
-    /// Points on the surface, 10 to 16777216
-    #[arg(long, value_name = "N", help_heading = "Effort",
-          value_parser = RangedU64ValueParser::<u32>::new().range(10..=1 << 24), allow_negative_numbers = true)]
-    pub points: Option<u32>,
-
-    /// As many points as fit into a time, 20s or 1.5m [default: 10s]
-    #[arg(long, value_name = "TIME", help_heading = "Effort", value_parser = values::time, allow_hyphen_values = true)]
-    pub time: Option<Duration>,
-
-    /// Other seeds draw other points
-    #[arg(long, value_name = "N", help_heading = "Effort", default_value = "0")]
-    pub seed: u32,
-
-    /// Threads, 1 to 1024, as for luxel bake [default: one a processor]
-    #[arg(long, value_name = "N", help_heading = "Effort",
-          value_parser = RangedU64ValueParser::<usize>::new().range(1..=1024), allow_negative_numbers = true)]
-    pub threads: Option<usize>,
-
-    /// The sky of the bake, as for luxel bake [default: as the file says]
-    #[arg(long, value_name = "R,G,B | FILE[,SCALE[,ROTATION]]", help_heading = "Light",
-          value_parser = values::sky, allow_hyphen_values = true)]
-    pub sky: Option<SkyWish>,
-
-    /// The sun of the bake, as for luxel bake [default: as the file says]
-    #[arg(long, value_name = "AZIMUTH,ELEVATION,LUX[,ANGLE]", help_heading = "Light",
-          value_parser = values::sun, allow_hyphen_values = true)]
-    pub sun: Option<SunWish>,
-
-    /// Factor on the file's punctual lights [default: as the file says]
-    #[arg(long, value_name = "X", help_heading = "Light", value_parser = values::light_scale,
-          allow_hyphen_values = true)]
-    pub light_scale: Option<f32>,
-
-    /// Largest diffuse reflectance of a point [default: as the file says]
-    #[arg(long, value_name = "R", help_heading = "Light", value_parser = values::reflectance,
-          allow_hyphen_values = true)]
-    pub max_reflectance: Option<f32>,
-
-    /// Nodes that were left out of the bake; may be repeated [default: as the file says]
-    #[arg(long, value_name = "GLOB", help_heading = "Light", value_parser = values::glob)]
-    pub exclude: Vec<String>,
-
-    /// Write the figures as JSON to a file, or to stdout (-) instead of the summary
-    #[arg(long, value_name = "FILE.json | -", help_heading = "Output")]
-    pub report: Option<PathBuf>,
-
-    /// Show no progress; warnings and errors are still shown
-    #[arg(long, help_heading = "Output")]
-    pub quiet: bool,
-}
-
 /// Targets by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quality {
@@ -300,119 +212,7 @@ fn edge() -> RangedU64ValueParser<u32> {
     RangedU64ValueParser::new().range(u64::from(least)..=u64::from(most))
 }
 
-/// One of a closed set, by its name.
-fn named<T: Copy + Send + Sync + 'static>(
-    all: impl IntoIterator<Item = T>,
-    name: fn(T) -> &'static str,
-) -> impl TypedValueParser<Value = T> {
-    let all: Vec<T> = all.into_iter().collect();
-    let parser = PossibleValuesParser::new(all.iter().map(|t| name(*t)));
-    parser.try_map(move |text| all.iter().copied().find(|t| name(*t) == text).ok_or("no such name"))
-}
-
 /// The layouts are made by one of these, or are the author's.
-fn unwrappers() -> impl Iterator<Item = Unwrap> {
+pub(super) fn unwrappers() -> impl Iterator<Item = Unwrap> {
     Unwrap::ALL.into_iter().filter(|u| *u != Unwrap::Keep)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use clap::CommandFactory;
-
-    fn parse(options: &[&str]) -> Result<Bake, clap::Error> {
-        match Args::try_parse_from(["luxel", "bake", "a.glb"].iter().chain(options))?.command {
-            Command::Bake(bake) => Ok(*bake),
-            Command::Audit(_) => unreachable!("it says bake"),
-        }
-    }
-
-    #[test]
-    fn the_options_are_sound() {
-        Args::command().debug_assert();
-    }
-
-    #[test]
-    fn defaults_are_those_of_the_library() {
-        let (bake, options) = (parse(&[]).unwrap(), luxel::bake::Options::default());
-        assert_eq!((bake.rays, !bake.no_reuse), (None, options.transport.reuse));
-        assert_eq!(bake.max_reflectance, options.max_reflectance);
-        assert_eq!((bake.solver, bake.bounces), (options.radiosity.solver, options.radiosity.bounces));
-        assert_eq!(bake.content, options.content);
-    }
-
-    #[test]
-    fn what_is_out_of_range_is_wrong_usage() {
-        let wrong: &[&[&str]] = &[
-            &["--resolution", "15"],
-            &["--page-size", "8"],
-            &["--resolution", "32769"],
-            &["--resolution", "1024", "--texels-per-meter", "4"],
-            &["--texels-per-meter", "0"],
-            &["--texels-per-meter", "nan"],
-            &["--texels-per-meter", "-3"],
-            &["--keep-uv", "--unwrap", "xatlas"],
-            &["--unwrap", "blender"],
-            &["--exclude", "[a"],
-            &["--rays", "0"],
-            &["--rays", "65537"],
-            &["--threads", "0"],
-            &["--max-reflectance", "1"],
-            &["--light-scale", "-1"],
-            &["--light-scale", "inf"],
-            &["--content", "half"],
-            &["--camera", "Main"],
-            &["--preview", "a.jpg"],
-            &["--flat", "a.gltf"],
-            &["--bounces", "-1"],
-            &["--bounces", "1.5"],
-            &["--bounces", "65537"],
-            &["--bounces", "all"],
-            &["--solver", "magic"],
-            &["--solver", "Jacobi"],
-            &["--solver", ""],
-            &["--error", "0"],
-            &["--error", "2%", "--rays", "4"],
-            &["--time", "0"],
-            &["--quality", "best"],
-            &["--quality", "high", "--bounces", "2"],
-            &["b.glb"],
-        ];
-        for options in wrong {
-            let error = parse(options).expect_err(&format!("{options:?}"));
-            assert_eq!(error.exit_code(), 2, "{options:?}");
-        }
-    }
-
-    #[test]
-    fn every_member_of_a_set_has_a_name() {
-        for solver in Solver::ALL {
-            assert_eq!(parse(&["--solver", solver.name()]).unwrap().solver, solver);
-        }
-        for content in Content::ALL {
-            assert_eq!(parse(&["--content", content.name()]).unwrap().content, content);
-        }
-        for unwrap in unwrappers() {
-            assert_eq!(parse(&["--unwrap", unwrap.name()]).unwrap().unwrap, Some(unwrap));
-        }
-        assert!(parse(&["--unwrap", Unwrap::Keep.name()]).is_err());
-    }
-
-    #[test]
-    fn the_help_names_the_limits_of_pages() {
-        let (least, most) = PAGE_EDGES.into_inner();
-        let help = Args::command().find_subcommand_mut("bake").unwrap().render_long_help().to_string();
-        let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
-        assert_eq!(help.matches(&format!("{least} to {most}")).count(), 2, "{help}");
-    }
-
-    #[test]
-    fn negative_numbers_are_values() {
-        for option in ["--resolution", "--page-size", "--rays", "--threads"] {
-            let said = parse(&[option, "-1"]).unwrap_err().to_string();
-            assert!(said.contains(&format!("invalid value '-1' for '{option}")), "{said}");
-        }
-        let bake = parse(&["--sun", "-90,45,1000", "--preview", "a.png", "--camera", "-1,0,0,0,0,0"]).unwrap();
-        assert!(bake.sun.is_some() && bake.camera.is_some());
-    }
 }
