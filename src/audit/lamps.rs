@@ -41,7 +41,7 @@ pub(super) fn aim(place: &Place, lights: &[&Light], choice: f32, u: Vec2, shares
         }
         _ => (to_light, distance * SHORT),
     };
-    let segment = Segment { origin: place.lifted(), direction, t };
+    let segment = place.segment(direction, t);
     (direction.dot(place.face) > 0.0).then_some(Aim { segment, irradiance })
 }
 

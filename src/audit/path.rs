@@ -180,7 +180,7 @@ impl Bundle {
                 // pi L for each cosine-distributed direction; both ways to the same point share it.
                 let by_cosine = place.density(s.direction);
                 let light = s.radiance * (PI * by_cosine / (by_cosine + s.density));
-                let segment = Segment { origin: place.lifted(), direction: s.direction, t: s.distance * (1.0 - 1e-5) };
+                let segment = place.segment(s.direction, s.distance * (1.0 - 1e-5));
                 shoot(segment, light * path.weight, false);
             }
             if let Some(sky) = &lights.sky {
@@ -188,7 +188,7 @@ impl Bundle {
                 let (by_cosine, by_sky) = (place.density(direction), sky.density(direction));
                 if place.faces(direction) && by_sky > 0.0 {
                     let light = world.scene.sky.radiance(direction) * (PI * by_cosine / (by_cosine + by_sky));
-                    let segment = Segment { origin: place.lifted(), direction, t: f32::INFINITY };
+                    let segment = place.segment(direction, f32::INFINITY);
                     shoot(segment, light * path.weight, false);
                 }
             }
@@ -218,7 +218,7 @@ impl Bundle {
             }
             direction -= 2.0 * direction.dot(place.face).min(0.0) * place.face;
             let key = hash(path.random.0, path.random.1 ^ 0x8000_0000);
-            self.rays.push(Ray { origin: place.lifted(), direction, key });
+            self.rays.push(place.ray(direction, key));
         }
         self.hits.resize(self.rays.len(), None);
         subject.tracer.closest_of_each(&self.rays, &mut self.hits);

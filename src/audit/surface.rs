@@ -4,7 +4,7 @@ use crate::{
     atlas::Coverage,
     math::{Frame, Polygon},
     scene::{World, shading_normal},
-    trace::{Hit, rounding},
+    trace::{Hit, Ray, Segment, rounding},
 };
 use glam::{DVec2, Vec2, Vec3};
 
@@ -47,6 +47,16 @@ impl Place {
     /// Where rays from here start.
     pub fn lifted(&self) -> Vec3 {
         self.position + self.face * self.offset
+    }
+
+    /// A ray from here.
+    pub fn ray(&self, direction: Vec3, key: u32) -> Ray {
+        Ray { origin: self.lifted(), direction, key, from: self.triangle }
+    }
+
+    /// The way from here as far as `t` lengths of the direction.
+    pub fn segment(&self, direction: Vec3, t: f32) -> Segment {
+        Segment { origin: self.lifted(), direction, t, from: self.triangle }
     }
 
     /// Axes around the shading normal.

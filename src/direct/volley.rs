@@ -41,7 +41,7 @@ impl Volley {
 
     /// Adds a ray from `p`.
     pub fn aim(&mut self, p: &SurfacePoint, direction: Vec3, t: f32, sent: Vec3, irradiance: Vec3) {
-        self.segments.push(Segment { origin: p.lifted(), direction, t });
+        self.segments.push(p.segment(direction, t));
         self.shots.push(Shot { sent, irradiance });
     }
 

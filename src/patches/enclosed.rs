@@ -38,20 +38,19 @@ impl<'a> Enclosure<'a> {
     /// Which of some points of the texel `at` are enclosed: the probes from there end on backs. `turn` turns them about
     /// the normal; `found` counts the points of this texel that were found enclosed.
     pub fn holds(&self, points: &[SurfacePoint], at: UVec2, turn: Vec2, found: &mut usize) -> Vec<bool> {
-        let mut enclosed = Vec::with_capacity(points.len());
-        while enclosed.len() < points.len() && *found < TRUST {
-            let p = &points[enclosed.len()];
-            let probes = &self.probes.block(at.x, at.y, *found)[..PROBES];
-            // The first probe settles most points that are open.
-            let mut turns = std::iter::once(&probes[..1]).chain(probes[1..].chunks(TOGETHER));
-            let all = turns.all(|few| self.backs(few.iter().map(|probe| (p, probe)), turn).all(|b| b));
-            *found += usize::from(all);
-            enclosed.push(all);
+        if points.is_empty() {
+            return Vec::new();
         }
-        let others = &points[enclosed.len()..];
-        let probes = self.probes.block(at.x, at.y, *found).iter().cycle();
-        enclosed.extend(self.backs(others.iter().zip(probes), turn));
-        *found += enclosed[points.len() - others.len()..].iter().filter(|e| **e).count();
+        // One probe each settles most points that are open.
+        let probes = self.probes.block(at.x, at.y, 0).iter().cycle();
+        let mut enclosed: Vec<bool> = self.backs(points.iter().zip(probes), turn).collect();
+        for (p, enclosed) in points.iter().zip(&mut enclosed).filter(|(_, enclosed)| **enclosed) {
+            if *found < TRUST {
+                let mut probes = self.probes.block(at.x, at.y, 1 + *found).chunks(TOGETHER);
+                *enclosed = probes.all(|few| self.backs(few.iter().map(|probe| (p, probe)), turn).all(|b| b));
+            }
+            *found += usize::from(*enclosed);
+        }
         enclosed
     }
 
@@ -63,7 +62,7 @@ impl<'a> Enclosure<'a> {
     ) -> impl Iterator<Item = bool> {
         let ray = |(k, (p, probe)): (usize, (&SurfacePoint, &Point))| {
             let direction = Frame::around(p.face).turned(turn).to_world(probe.direction);
-            Ray { origin: p.lifted(), direction, key: k as u32 }
+            p.ray(direction, k as u32)
         };
         let rays: Vec<Ray> = probes.enumerate().map(ray).collect();
         let mut hits = vec![None; rays.len()];

@@ -4,7 +4,7 @@ use crate::{
     atlas::Coverage,
     math::{Frame, Polygon},
     scene::{World, shading_normal},
-    trace::rounding,
+    trace::{Ray, Segment, rounding},
 };
 use glam::{DVec2, Vec2, Vec3};
 
@@ -32,7 +32,8 @@ pub struct Cell {
 
 /// The part of a triangle inside the texel.
 pub struct Face {
-    triangle: u32,
+    /// Global triangle.
+    pub triangle: u32,
     normal: Vec3,
     frame: Frame,
     /// At its corners, where it is shaded smoothly.
@@ -68,6 +69,18 @@ impl SurfacePoint {
     /// Where rays from here start: just above the face.
     pub fn lifted(&self) -> Vec3 {
         self.position + self.face * self.offset
+    }
+
+    /// A ray from here.
+    #[inline(always)]
+    pub fn ray(&self, direction: Vec3, key: u32) -> Ray {
+        Ray { origin: self.lifted(), direction, key, from: self.triangle }
+    }
+
+    /// The way from here as far as `t` lengths of the direction.
+    #[inline(always)]
+    pub fn segment(&self, direction: Vec3, t: f32) -> Segment {
+        Segment { origin: self.lifted(), direction, t, from: self.triangle }
     }
 
     /// Share of the cosine-weighted hemisphere about `normal` that lies above the face: (1 + cos a) / 2.

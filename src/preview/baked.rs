@@ -6,7 +6,7 @@ use crate::{
     bake::Baked,
     lightmaps::{Content, gutters},
     math::{hash, luminance},
-    trace::{Hit, Ray},
+    trace::{Hit, NOWHERE, Ray},
 };
 use glam::{UVec2, Vec3};
 use std::f32::consts::PI;
@@ -41,7 +41,7 @@ pub fn sight(baked: &Baked, origin: Vec3, direction: Vec3) -> Option<Sight> {
     let world = &baked.tracer.world;
     let scene = world.scene;
     let key = direction.to_array().map(f32::to_bits).into_iter().fold(0, hash);
-    let hit = baked.tracer.closest(&Ray { origin, direction, key })?;
+    let hit = baked.tracer.closest(&Ray { origin, direction, key, from: NOWHERE })?;
     let front = hit.front || world.material(hit.triangle).double_sided;
     let (instance, t) = world.locate(hit.triangle);
     let (mesh, unlit) = (world.mesh(instance), world.material(hit.triangle).unlit);

@@ -17,6 +17,7 @@ use crate::{
 };
 use forest::Forest;
 use glam::{Vec2, Vec3};
+use stack::Stack;
 use walk::{Candidates, Packet, Triangles, Visit, walk};
 
 /// Rays against a scene.
@@ -36,6 +37,8 @@ pub struct Ray {
     pub direction: Vec3,
     /// Which chances it has to pass what lets light through.
     pub key: u32,
+    /// The global triangle it starts on, which it does not meet again, or [`NOWHERE`].
+    pub from: u32,
 }
 
 /// A way that light may take.
@@ -47,6 +50,8 @@ pub struct Segment {
     pub direction: Vec3,
     /// How far it goes, in lengths of the direction.
     pub t: f32,
+    /// The global triangle it starts on, which is not in its way, or [`NOWHERE`].
+    pub from: u32,
 }
 
 /// Where a ray ends.
@@ -78,6 +83,10 @@ pub fn stored(scene: &Scene) -> usize {
 /// Flags beside a global triangle, of which there are fewer than 2^30: their texels would not fit a machine.
 const HOLES: u32 = 1 << 30;
 const MIRRORED: u32 = 1 << 31;
+const TRIANGLE: u32 = HOLES - 1;
+
+/// In place of the triangle that a ray starts on: on none.
+pub const NOWHERE: u32 = u32::MAX;
 
 impl<'s> Tracer<'s> {
     /// Builds the trees over all triangles that have area.
@@ -118,14 +127,14 @@ impl<'s> Tracer<'s> {
 
     #[cold]
     fn through(&self, id: u32, bary: Vec2) -> Vec3 {
-        let (instance, t) = self.world.locate(id & !(HOLES | MIRRORED));
+        let (instance, t) = self.world.locate(id & TRIANGLE);
         self.world.scene.transmittance(self.world.mesh(instance), t, bary)
     }
 
     #[cold]
     fn passes(&self, id: u32, bary: Vec2, key: u32) -> bool {
         let share = self.through(id, bary).element_sum() / 3.0;
-        unit_float(hash(key, id & !(HOLES | MIRRORED))) < share
+        unit_float(hash(key, id & TRIANGLE)) < share
     }
 }
 
@@ -141,12 +150,12 @@ impl Task for Closest<'_> {
 
     #[inline(always)]
     fn run<S: Lanes>(self) {
-        let tracer = self.tracer;
+        let (tracer, mut stack) = (self.tracer, Stack::new());
         for (rays, hits) in self.rays.chunks(LANES).zip(self.hits.chunks_mut(LANES)) {
             hits.fill(None);
-            let ray = |k: usize| (rays[k].origin * tracer.forest.scale, rays[k].direction, f32::INFINITY);
-            let mut packet = Packet::new(rays.len(), ray);
-            walk::<S, _>(&tracer.forest, &mut packet, &mut Closest { tracer, rays, hits });
+            let ray = |k: usize| (rays[k].origin * tracer.forest.scale, rays[k].direction, f32::INFINITY, rays[k].from);
+            let packet = Packet::new(rays.len(), ray);
+            walk::<S, _>(&tracer.forest, &packet, &mut stack, &mut Closest { tracer, rays, hits });
             hits.iter_mut().flatten().for_each(|h| h.t /= tracer.forest.scale);
         }
     }
@@ -163,7 +172,7 @@ impl Visit for Closest<'_> {
             lanes &= lanes - 1;
             let Some(m) = candidates.meet(lane).filter(|m| m.t <= t) else { continue };
             let id = leaf.ids[lane];
-            let triangle = id & !(HOLES | MIRRORED);
+            let triangle = id & TRIANGLE;
             // Of two in one place the first, whichever is found first.
             if m.t == t && self.hits[ray].is_some_and(|h| h.triangle < triangle) {
                 continue;
@@ -189,15 +198,15 @@ impl Task for Through<'_> {
 
     #[inline(always)]
     fn run<S: Lanes>(self) {
-        let tracer = self.tracer;
+        let (tracer, mut stack) = (self.tracer, Stack::new());
         for (segments, through) in self.segments.chunks(LANES).zip(self.through.chunks_mut(LANES)) {
             through.fill(Vec3::ONE);
             let segment = |k: usize| {
                 let s = &segments[k];
-                (s.origin * tracer.forest.scale, s.direction, s.t * tracer.forest.scale)
+                (s.origin * tracer.forest.scale, s.direction, s.t * tracer.forest.scale, s.from)
             };
-            let mut packet = Packet::new(segments.len(), segment);
-            walk::<S, _>(&tracer.forest, &mut packet, &mut Through { tracer, segments, through });
+            let packet = Packet::new(segments.len(), segment);
+            walk::<S, _>(&tracer.forest, &packet, &mut stack, &mut Through { tracer, segments, through });
         }
     }
 }

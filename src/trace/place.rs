@@ -4,7 +4,11 @@
 //! of a leaf puts them there, to the same bits as [`World::corners`](crate::scene::World::corners). So a ray meets what it
 //! would meet were every triangle placed beforehand, and instances that join are as tight as one mesh.
 
-use super::{EXTENT, MIRRORED, slab::Slab, walk::Triangles};
+use super::{
+    EXTENT, MIRRORED,
+    slab::{Slab, inverses},
+    walk::Triangles,
+};
 use crate::{
     math::simd::{Eight, LANES, Lanes},
     scene::Instance,
@@ -70,7 +74,7 @@ impl Place {
     /// A ray (in the scene tree's units) among the boxes of the mesh. Distances along it stay what they are.
     #[inline(always)]
     pub fn slab(&self, origin: Vec3, direction: Vec3) -> Slab {
-        Slab::new(self.turned(origin - self.middle), self.turned(direction))
+        Slab::new(self.turned(origin - self.middle), inverses(self.turned(direction)))
     }
 
     #[inline(always)]

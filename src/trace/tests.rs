@@ -75,12 +75,12 @@ fn distance(corners: [Vec3; 3], origin: Vec3, direction: Vec3) -> f64 {
 }
 
 fn shoot(tracer: &Tracer, origin: Vec3, direction: Vec3) -> Option<Hit> {
-    tracer.closest(&Ray { origin, direction, key: 0 })
+    tracer.closest(&Ray { origin, direction, key: 0, from: NOWHERE })
 }
 
 fn through<const N: usize>(tracer: &Tracer, origin: Vec3, direction: Vec3, t: [f32; N]) -> [Vec3; N] {
     let mut through = [Vec3::ZERO; N];
-    tracer.transmittance_of_each(&t.map(|t| Segment { origin, direction, t }), &mut through);
+    tracer.transmittance_of_each(&t.map(|t| Segment { origin, direction, t, from: NOWHERE }), &mut through);
     through
 }
 
@@ -128,6 +128,28 @@ fn closest_and_occlusion_agree_with_brute_force() {
 }
 
 #[test]
+fn a_ray_passes_the_triangle_that_it_starts_on() {
+    let half = Vec3::new(2.0, 1.0, 3.0);
+    let scene = room(half, 3, 400);
+    for tracer in tracers(&scene) {
+        for k in 0..2000 {
+            let (origin, direction) = (inside(k, half), direction(k));
+            let from = shoot(&tracer, origin, direction).expect("the room is closed").triangle;
+            let others = (0..tracer.world.len()).filter(|&t| t != from);
+            let brute =
+                others.map(|t| distance(tracer.world.corners(0, t), origin, direction)).fold(f64::INFINITY, f64::min);
+            let t = tracer.closest(&Ray { origin, direction, key: 0, from }).map_or(f64::INFINITY, |h| f64::from(h.t));
+            assert!(t == brute || (t - brute).abs() <= 2e-6 * (1.0 + brute), "ray {k}: {t} for {brute}");
+            let mut through = [Vec3::ZERO; 2];
+            let ways =
+                [0.999, 1.001].map(|part| Segment { origin, direction, t: part * brute.min(100.0) as f32, from });
+            tracer.transmittance_of_each(&ways, &mut through);
+            assert_eq!(through, [Vec3::ONE, if brute < 100.0 { Vec3::ZERO } else { Vec3::ONE }], "ray {k}");
+        }
+    }
+}
+
+#[test]
 fn every_instruction_set_gives_the_same_bits() {
     let half = Vec3::new(2.0, 1.0, 3.0);
     let scene = room(half, 3, 400);
@@ -152,7 +174,7 @@ fn rays_together_meet_what_they_meet_alone() {
     let once = mesh.triangles.len() as u32 / 2;
     for tracer in tracers(&scene) {
         for n in [1, 2, 7, 8, 9, 64, 1000] {
-            let ray = |k| Ray { origin: inside(k, half), direction: direction(k), key: 0 };
+            let ray = |k| Ray { origin: inside(k, half), direction: direction(k), key: 0, from: NOWHERE };
             let rays: Vec<Ray> = (0..n).map(ray).collect();
             let mut hits = vec![None; rays.len()];
             tracer.closest_of_each(&rays, &mut hits);

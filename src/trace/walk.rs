@@ -5,11 +5,12 @@
 //! is looked at again in double precision.
 
 use super::{
+    TRIANGLE,
     forest::Forest,
     place::Place,
-    slab::{Slab, clear},
+    slab::{Slab, inverses},
     stack::Stack,
-    tree::{LEAF, PLACE},
+    tree::{LEAF, Node, PLACE},
 };
 use crate::math::simd::{Eight, LANES, Lanes};
 use glam::{Vec2, Vec3};
@@ -25,6 +26,7 @@ pub struct Triangles {
 }
 
 /// A ray as tests of triangles want it.
+#[derive(Clone, Copy)]
 pub struct Sheared {
     origin: [f32; 3],
     direction: Vec3,
@@ -76,31 +78,30 @@ impl Candidates {
 }
 
 impl Sheared {
+    /// Of no ray.
+    const NONE: Sheared = Sheared { origin: [0.0; 3], direction: Vec3::ZERO, axes: [0; 3], slope: [0.0; 3] };
+
     #[inline(always)]
-    pub fn new(origin: Vec3, direction: Vec3) -> Self {
-        let d = direction.to_array();
-        let a = [d[0].abs(), d[1].abs(), d[2].abs()];
-        let z = if a[0] > a[1] {
-            if a[0] > a[2] { 0 } else { 2 }
-        } else if a[1] > a[2] {
-            1
-        } else {
-            2
-        };
-        let axes = [(z + 1) % 3, (z + 2) % 3, z];
-        let along = 1.0 / clear(d[z]);
+    pub fn new(origin: Vec3, direction: Vec3, inverse: Vec3) -> Self {
+        let (d, a) = (direction.to_array(), direction.abs());
+        let z = if a.y > a.x { 1 } else { 0 };
+        let z = if a.z > a.x.max(a.y) { 2 } else { z };
+        let axes = [[1, 2, 0], [2, 0, 1], [0, 1, 2]][z];
+        let along = inverse[z];
         Sheared { origin: origin.to_array(), direction, axes, slope: [d[axes[0]] * along, d[axes[1]] * along, along] }
     }
 
-    /// The triangles of a leaf that the line of the ray seems to meet: of those behind its start there are few.
+    /// The triangles of a leaf that the line of the ray seems to meet, without the one it starts on: of those behind its
+    /// start there are few others.
     #[inline(always)]
-    fn triangles<S: Lanes>(&self, leaf: &Triangles) -> Option<Candidates> {
+    fn triangles<S: Lanes>(&self, leaf: &Triangles, from: u32) -> Option<Candidates> {
         let a = self.corner::<S>(&leaf.corners[0]);
         let b = self.corner::<S>(&leaf.corners[1]);
         let c = self.corner::<S>(&leaf.corners[2]);
         let (u, v, w) = (area(b, c), area(c, a), area(a, b));
         let zero = S::splat(0.0);
         let lanes = zero.le(u.min(v).min(w)) | u.max(v).max(w).le(zero);
+        let lanes = lanes & !S::equal(&leaf.ids, TRIANGLE, from);
         if lanes == 0 {
             return None;
         }
@@ -136,21 +137,26 @@ pub struct Packet {
     slabs: [Slab; LANES],
     /// How far each still reaches; negative where there is none, or none any more.
     reach: Eight,
+    /// The triangle that each starts on.
+    from: [u32; LANES],
 }
 
 impl Packet {
-    /// At most [`LANES`] rays, at least one: origin, direction and how far each reaches.
+    /// At most [`LANES`] rays, at least one: origin, direction, how far each reaches, the triangle it starts on.
     #[inline(always)]
-    pub fn new(len: usize, ray: impl Fn(usize) -> (Vec3, Vec3, f32)) -> Self {
-        let mut reach = Eight([-1.0; LANES]);
-        let mut slabs = [Slab::NONE; LANES];
-        let rays = std::array::from_fn(|k| {
-            let (origin, direction, t) = ray(k.min(len - 1));
-            reach.0[k] = if k < len { t } else { -1.0 };
-            slabs[k] = Slab::new(origin, direction);
-            Sheared::new(origin, direction)
-        });
-        Packet { rays, slabs, reach }
+    pub fn new(len: usize, ray: impl Fn(usize) -> (Vec3, Vec3, f32, u32)) -> Self {
+        let none = Eight([-1.0; LANES]);
+        let mut packet =
+            Packet { rays: [Sheared::NONE; LANES], slabs: [Slab::NONE; LANES], reach: none, from: [0; LANES] };
+        // A plain loop: a closure would not be compiled for the level.
+        for k in 0..len {
+            let (origin, direction, t, triangle) = ray(k);
+            let inverse = inverses(direction);
+            packet.rays[k] = Sheared::new(origin, direction, inverse);
+            packet.slabs[k] = Slab::new(origin, inverse);
+            (packet.reach.0[k], packet.from[k]) = (t, triangle);
+        }
+        packet
     }
 }
 
@@ -167,87 +173,142 @@ pub trait Visit {
 /// Visits the leaves that rays meet before their reach. Those of like rays are mostly the same, and so are the decisions
 /// on the way, which cost more than the arithmetic.
 #[inline(always)]
-pub fn walk<S: Lanes, V: Visit>(forest: &Forest, packet: &mut Packet, visitor: &mut V) {
+pub fn walk<S: Lanes, V: Visit>(forest: &Forest, packet: &Packet, stack: &mut Stack, visitor: &mut V) {
     // Where there are no places, nothing is lost by asking for them.
     if forest.places.is_empty() {
-        walk_among::<S, V, false>(forest, packet, visitor);
+        walk_among::<S, V, false>(forest, packet, stack, visitor);
     } else {
-        walk_among::<S, V, true>(forest, packet, visitor);
+        walk_among::<S, V, true>(forest, packet, stack, visitor);
     }
 }
 
 #[inline(always)]
-fn walk_among<S: Lanes, V: Visit, const PLACES: bool>(forest: &Forest, packet: &mut Packet, visitor: &mut V) {
+fn walk_among<S: Lanes, V: Visit, const PLACES: bool>(
+    forest: &Forest,
+    packet: &Packet,
+    stack: &mut Stack,
+    visitor: &mut V,
+) {
     let (mut place, mut slabs): (Option<&Place>, _) = (None, &packet.slabs);
     let mut inner = if PLACES { [Slab::NONE; LANES] } else { packet.slabs };
-    let mut stack = Stack::new();
+    // In registers for all rays, and in memory for each: no load waits for a store of another width.
+    let (mut reach, mut reaches) = (S::load(&packet.reach), packet.reach);
     let mut next = Step::new(0.0, u32::MAX, forest.root);
     loop {
         // Without those that have met something nearer since.
-        let active = next.rays() & S::splat(next.enter()).le(S::load(&packet.reach));
-        if active != 0 {
-            let child = next.child();
-            if child & LEAF != 0 {
-                let leaf = &forest.leaves[(child & !LEAF) as usize];
-                let placed;
-                let leaf = match place {
-                    Some(place) if PLACES => {
-                        placed = place.place::<S>(leaf);
-                        &placed
+        let active = next.rays() & S::splat(next.enter()).le(reach);
+        let child = next.child();
+        if active == 0 {
+        } else if child & LEAF != 0 {
+            let mut placed = None;
+            let leaf = placed_leaf::<S>(forest, child, place.filter(|_| PLACES), &mut placed);
+            for r in lanes(active) {
+                if let Some(candidates) = packet.rays[r].triangles::<S>(leaf, packet.from[r]) {
+                    let t = visitor.visit(r, leaf, &candidates, reaches.0[r]);
+                    (reach, reaches.0[r]) = (reach.with(r, t), t);
+                }
+            }
+        } else if PLACES && child == WORLD {
+            (place, slabs) = (None, &packet.slabs);
+        } else if PLACES && child & PLACE != 0 {
+            let p = &forest.places[(child & !PLACE) as usize];
+            for r in lanes(active) {
+                inner[r] = p.slab(packet.rays[r].origin.into(), packet.rays[r].direction);
+            }
+            (place, slabs) = (Some(p), &inner);
+            // What lies below on the stack is not in this place.
+            stack.reserve();
+            stack.push(Step::new(0.0, u32::MAX, WORLD).0);
+            next = Step::new(next.enter(), active, p.root);
+            continue;
+        } else if active.is_power_of_two() {
+            // A ray that is alone stays so all the way down, and half of all visits are those of such rays.
+            let r = active.trailing_zeros() as usize;
+            let (ray, slab, mut t) = (&packet.rays[r], slabs[r], reaches.0[r]);
+            let left = loop {
+                let child = next.child();
+                if child & LEAF != 0 {
+                    let mut placed = None;
+                    let leaf = placed_leaf::<S>(forest, child, place.filter(|_| PLACES), &mut placed);
+                    if let Some(candidates) = ray.triangles::<S>(leaf, packet.from[r]) {
+                        t = visitor.visit(r, leaf, &candidates, t);
                     }
-                    _ => leaf,
-                };
-                for r in lanes(active) {
-                    let reach = &mut packet.reach.0[r];
-                    if let Some(candidates) = packet.rays[r].triangles::<S>(leaf) {
-                        *reach = visitor.visit(r, leaf, &candidates, *reach);
+                } else if PLACES && child & PLACE != 0 {
+                    break Some(next);
+                } else {
+                    let node = &forest.nodes[child as usize];
+                    let (children, enter) = slab.boxes::<S>(node, t);
+                    if children != 0 {
+                        let columns = u64::from(active) * 0x0101_0101_0101_0101;
+                        next = descend::<S, V>(stack, node, children, enter, columns);
+                        continue;
                     }
                 }
-            } else if PLACES && child == WORLD {
-                (place, slabs) = (None, &packet.slabs);
-            } else if PLACES && child & PLACE != 0 {
-                let p = &forest.places[(child & !PLACE) as usize];
-                for r in lanes(active) {
-                    inner[r] = p.slab(packet.rays[r].origin.into(), packet.rays[r].direction);
+                let mut below = stack.pop().map(Step);
+                while below.is_some_and(|step| step.rays() == active && step.enter() > t) {
+                    below = stack.pop().map(Step);
                 }
-                (place, slabs) = (Some(p), &inner);
-                // What lies below on the stack is not in this place.
-                stack.reserve();
-                stack.push(Step::new(0.0, u32::MAX, WORLD).0);
-                next = Step::new(next.enter(), active, p.root);
+                match below {
+                    Some(step) if step.rays() == active => next = step,
+                    other => break other,
+                }
+            };
+            (reach, reaches.0[r]) = (reach.with(r, t), t);
+            let Some(step) = left else { return };
+            next = step;
+            continue;
+        } else {
+            let node = &forest.nodes[child as usize];
+            let (mut rows, mut children) = (0u64, 0u32);
+            let mut enter = S::splat(f32::INFINITY);
+            for r in lanes(active) {
+                let (mask, from) = slabs[r].boxes::<S>(node, reaches.0[r]);
+                enter = enter.min(from);
+                rows |= u64::from(mask) << (8 * r);
+                children |= mask;
+            }
+            if children != 0 {
+                next = descend::<S, V>(stack, node, children, enter, transposed(rows));
                 continue;
-            } else {
-                let node = &forest.nodes[child as usize];
-                let (mut rows, mut children) = (0u64, 0u32);
-                let mut enter = S::splat(f32::INFINITY);
-                for r in lanes(active) {
-                    let (mask, from) = slabs[r].boxes::<S>(node, packet.reach.0[r]);
-                    enter = enter.min(from);
-                    rows |= u64::from(mask) << (8 * r);
-                    children |= mask;
-                }
-                if children != 0 {
-                    let columns = transposed(rows);
-                    let enter = if V::ORDERED { enter.store() } else { Eight([0.0; LANES]) };
-                    let step = |c: usize| Step::new(enter.0[c], (columns >> (8 * c)) as u32, node.children[c]);
-                    let mut children = lanes(children);
-                    let base = stack.reserve();
-                    next = children.next().map_or(next, step);
-                    for other in children.map(step) {
-                        if V::ORDERED {
-                            stack.insert(base, other.0.max(next.0));
-                            next = Step(other.0.min(next.0));
-                        } else {
-                            stack.push(other.0);
-                        }
-                    }
-                    continue;
-                }
             }
         }
         let Some(word) = stack.pop() else { return };
         next = Step(word);
     }
+}
+
+/// The triangles of a leaf, which `placed` holds if they have to be put in a place first.
+#[inline(always)]
+fn placed_leaf<'a, S: Lanes>(
+    forest: &'a Forest,
+    child: u32,
+    place: Option<&Place>,
+    placed: &'a mut Option<Triangles>,
+) -> &'a Triangles {
+    let leaf = &forest.leaves[(child & !LEAF) as usize];
+    match place {
+        Some(place) => placed.insert(place.place::<S>(leaf)),
+        None => leaf,
+    }
+}
+
+/// Puts off all `children` of a node but the first to go to. `enter`: where the first of the rays enters each; `columns`:
+/// the rays that do.
+#[inline(always)]
+fn descend<S: Lanes, V: Visit>(stack: &mut Stack, node: &Node, children: u32, enter: S, columns: u64) -> Step {
+    let enter = if V::ORDERED { enter.store() } else { Eight([0.0; LANES]) };
+    let step = |c: usize| Step::new(enter.0[c], (columns >> (8 * c)) as u32, node.children[c]);
+    let mut next = step(children.trailing_zeros() as usize);
+    let base = stack.reserve();
+    for other in lanes(children & (children - 1)).map(step) {
+        if V::ORDERED {
+            stack.insert(base, other.0.max(next.0));
+            next = Step(other.0.min(next.0));
+        } else {
+            stack.push(other.0);
+        }
+    }
+    next
 }
 
 /// Leads back out of a place.

@@ -6,6 +6,7 @@
 //! they receive with convex weights.
 
 mod rays;
+mod receiver;
 mod rows;
 
 pub use rays::rays_of_rows;

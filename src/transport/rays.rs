@@ -5,17 +5,18 @@
 
 use super::{
     Eye, Options, Stats,
+    receiver::Receiver,
     rows::{BLOCK, Block, DARK, Rows},
 };
 use crate::{
     atlas::Coverage,
     error,
-    math::{CELLS, Frame, Point, PointTable, cell_of, hash, unit_float},
-    patches::{Enclosure, Face, Footprint, Patches, Seen, SurfacePoint, seen},
+    math::{CELLS, Point, PointTable, cell_of},
+    patches::{Enclosure, Patches, Seen, SurfacePoint, seen},
     progress::{Observer, check},
     trace::{Hit, Ray, Tracer},
 };
-use glam::{UVec2, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -59,7 +60,9 @@ pub(super) fn measure(
     let mut stats = Stats::default();
     observer.begin("transport", texels as u64);
     while !wave.is_empty() {
-        let done: Vec<_> = wave.par_chunks(BLOCK).map(|texels| shooter.block(texels, back, observer)).collect();
+        let blocks_of = wave.par_chunks(BLOCK);
+        let done: Vec<_> =
+            blocks_of.map_init(Desk::default, |desk, texels| shooter.block(desk, texels, back, observer)).collect();
         check(observer)?;
         for done in done {
             blocks.push(done.block);
@@ -87,11 +90,11 @@ pub(super) fn measure(
 pub fn rays_of_rows(tracer: &Tracer, coverage: &Coverage, rays: u32) -> Vec<Ray> {
     let shooter = Shooter::new(tracer, coverage, &Options { rays, reuse: false });
     let texels: Vec<u32> = (0..coverage.texels.len() as u32).collect();
-    let mut out = Vec::with_capacity(texels.len() * shooter.rays);
+    let (mut out, mut desk) = (Vec::with_capacity(texels.len() * shooter.rays), Desk::default());
     for texels in texels.chunks(BLOCK) {
-        let receivers = shooter.receivers(texels, false);
+        let (receivers, _) = desk.clear(&shooter, texels, false);
         for k in 0..shooter.rays {
-            out.extend(receivers.iter().map(|r| shooter.ray(r, shooter.point(r, k), k)));
+            out.extend(receivers.iter().map(|r| shooter.ray(r, r.point(k), k)));
         }
     }
     out
@@ -112,28 +115,6 @@ struct Shooter<'a> {
     enclosure: Enclosure<'a>,
     /// One bit a texel: a ray has met its back.
     met: Vec<AtomicU64>,
-}
-
-/// The side of a texel that shoots.
-struct Receiver<'a> {
-    footprint: Footprint<'a>,
-    /// One for each of its faces, unless that is shaded smoothly.
-    facets: Vec<Option<Facet>>,
-    at: UVec2,
-    back: bool,
-    key: u32,
-    /// Cosine and sine of the angle by which its directions are turned.
-    turn: Vec2,
-    /// The point at which it begins, so that those beside it shoot into the same direction at the same time.
-    first: usize,
-}
-
-/// What all rays from a flat face share.
-struct Facet {
-    /// From the face to where rays start.
-    lift: Vec3,
-    /// The axes of their directions, turned.
-    frame: Frame,
 }
 
 /// The end of a ray.
@@ -158,6 +139,13 @@ struct Done {
     validity: Vec<f32>,
     buried: Vec<bool>,
     stats: Stats,
+}
+
+/// Where a block is measured: its allocations serve one block after the other.
+#[derive(Default)]
+struct Desk<'a> {
+    receivers: Vec<Receiver<'a>>,
+    rows: Vec<Row>,
 }
 
 /// What the rays of a row have met.
@@ -192,40 +180,6 @@ impl<'a> Shooter<'a> {
         }
     }
 
-    fn receivers(&self, texels: &[u32], back: bool) -> Vec<Receiver<'_>> {
-        let receiver = |&texel: &u32| {
-            let key = hash(texel, u32::from(back));
-            let share = unit_float(hash(key, 0x7475_7261));
-            let angle = std::f32::consts::TAU * share;
-            let turn = Vec2::new(libm::cosf(angle), libm::sinf(angle));
-            let mut footprint = Footprint::new(&self.tracer.world, self.coverage);
-            footprint.set(texel as usize);
-            let facet = |face: &Face| {
-                let (lift, frame) = face.flat()?;
-                let (lift, frame) = if back { (-lift, frame.reversed()) } else { (lift, frame) };
-                Some(Facet { lift, frame: frame.turned(turn) })
-            };
-            Receiver {
-                facets: footprint.faces().iter().map(facet).collect(),
-                footprint,
-                at: self.coverage.texels[texel as usize].at,
-                back,
-                key,
-                turn,
-                first: self.table.turned(share),
-            }
-        };
-        texels.iter().map(receiver).collect()
-    }
-
-    /// The `k`-th point of the first pass.
-    #[inline(always)]
-    fn point(&self, receiver: &Receiver, k: usize) -> &Point {
-        let k = receiver.first + k;
-        let k = if k < self.rays { k } else { k - self.rays };
-        &self.table.block(receiver.at.x, receiver.at.y, 0)[k]
-    }
-
     #[inline(always)]
     fn ray(&self, receiver: &Receiver, point: &Point, k: usize) -> Ray {
         let key = receiver.key.wrapping_add(k as u32);
@@ -233,29 +187,28 @@ impl<'a> Shooter<'a> {
         match &receiver.facets[cell.face as usize] {
             Some(facet) => {
                 let direction = facet.frame.to_world(point.direction);
-                Ray { origin: cell.position(at) + facet.lift, direction, key }
+                Ray { origin: cell.position(at) + facet.lift, direction, key, from: facet.triangle }
             }
             None => {
                 let p = receiver.surface(point.place);
-                Ray { origin: p.lifted(), direction: self.direction(&p, point, receiver, k), key }
+                p.ray(self.direction(&p, point, receiver, k), key)
             }
         }
     }
 
-    fn block(&self, texels: &[u32], back: bool, observer: &dyn Observer) -> Done {
+    fn block<'s>(&'s self, desk: &mut Desk<'s>, texels: &[u32], back: bool, observer: &dyn Observer) -> Done {
         let mut done = Done { block: Block::with_capacity(texels.len() * self.rays), ..Done::default() };
         if observer.cancelled() {
             return done;
         }
         let keep = self.keep && !back;
-        let receivers = self.receivers(texels, back);
-        let (mut rays, mut hits) = (Vec::new(), vec![None; receivers.len()]);
+        let (receivers, rows) = desk.clear(self, texels, back);
+        let (mut rays, mut hits) = (Vec::with_capacity(texels.len()), vec![None; texels.len()]);
         let mut ends = Vec::with_capacity(texels.len() * self.rays);
-        let mut rows: Vec<Row> = receivers.iter().map(|_| Row::default()).collect();
         // All receivers shoot into one direction before the next: rays beside each other meet the same boxes.
         for k in 0..self.rays {
             rays.clear();
-            rays.extend(receivers.iter().map(|r| self.ray(r, self.point(r, k), k)));
+            rays.extend(receivers.iter().map(|r| self.ray(r, r.point(k), k)));
             self.tracer.closest_of_each(&rays, &mut hits);
             for (i, (ray, hit)) in rays.iter().zip(&hits).enumerate() {
                 let end = self.end(ray, hit, &mut done.stats);
@@ -264,13 +217,13 @@ impl<'a> Shooter<'a> {
                     Ok(_) if keep => rows[i].see(ray.origin, end.spot),
                     Ok(_) => {}
                     Err(seen) => {
-                        rows[i].behind.push(Behind { place: self.point(&receivers[i], k).place, seen, spot: end.spot })
+                        rows[i].behind.push(Behind { place: receivers[i].point(k).place, seen, spot: end.spot })
                     }
                 }
             }
         }
-        for (i, (receiver, row)) in receivers.iter().zip(&mut rows).enumerate() {
-            row.columns.extend(ends[i..].iter().step_by(receivers.len()).filter(|&&column| column != OPEN));
+        for (i, (receiver, row)) in receivers.iter().zip(rows).enumerate() {
+            row.columns.extend(ends[i..].iter().step_by(texels.len()).filter(|&&column| column != OPEN));
             self.complete(receiver, row, &mut done);
             row.push_to(&mut done.block);
             if keep {
@@ -412,21 +365,27 @@ impl<'a> Shooter<'a> {
     }
 }
 
-impl Receiver<'_> {
-    /// The point at a place of the unit square, on the side that shoots.
-    #[inline(always)]
-    fn surface(&self, place: Vec2) -> SurfacePoint {
-        let p = self.footprint.point(place);
-        if self.back { p.reversed() } else { p }
-    }
-
-    #[inline(always)]
-    fn turned(&self, p: &SurfacePoint, point: &Point) -> Vec3 {
-        p.frame.turned(self.turn).to_world(point.direction)
+impl<'a> Desk<'a> {
+    /// The receivers at `texels`, and a row for each that has met nothing yet.
+    fn clear(&mut self, shooter: &'a Shooter, texels: &[u32], back: bool) -> (&[Receiver<'a>], &mut [Row]) {
+        let receiver = || Receiver::new(shooter.tracer, shooter.coverage);
+        self.receivers.resize_with(self.receivers.len().max(texels.len()), receiver);
+        self.rows.resize_with(self.receivers.len(), Row::default);
+        let (receivers, rows) = (&mut self.receivers[..texels.len()], &mut self.rows[..texels.len()]);
+        receivers.iter_mut().zip(texels).for_each(|(r, &texel)| r.set(texel, back, &shooter.table));
+        rows.iter_mut().for_each(Row::clear);
+        (receivers, rows)
     }
 }
 
 impl Row {
+    fn clear(&mut self) {
+        self.columns.clear();
+        self.spots.clear();
+        self.behind.clear();
+        (self.origins, self.enclosed, self.open) = (Vec3::ZERO, 0, 0);
+    }
+
     /// Keeps where a ray that counts began and ended.
     #[inline(always)]
     fn see(&mut self, origin: Vec3, spot: Vec3) {
@@ -436,13 +395,19 @@ impl Row {
 
     /// Appends it to a block: patches, cells of the sky, what does not shine.
     fn push_to(&self, block: &mut Block) {
-        let rank = |c: u32| if c == DARK { 2 } else { c >> 31 };
-        let (mut columns, mut spots, mut lit) = (Vec::with_capacity(self.columns.len()), Vec::new(), 0);
-        for r in 0..3 {
-            lit = if r == 2 { columns.len() } else { lit };
-            let which = || (0..self.columns.len()).filter(|&k| rank(self.columns[k]) == r);
-            columns.extend(which().map(|k| self.columns[k]));
-            spots.extend(which().filter_map(|k| self.spots.get(k)));
+        let rank = |c: u32| (c >> 31) as usize + usize::from(c == DARK);
+        let mut counts = [0; 3];
+        self.columns.iter().for_each(|&c| counts[rank(c)] += 1);
+        let lit = counts[0] + counts[1];
+        let mut next = [0, counts[0], lit];
+        let (mut columns, mut spots) = (vec![0; self.columns.len()], vec![Vec3::ZERO; self.spots.len()]);
+        for (k, &c) in self.columns.iter().enumerate() {
+            let to = &mut next[rank(c)];
+            columns[*to] = c;
+            if let Some(&spot) = self.spots.get(k) {
+                spots[*to] = spot;
+            }
+            *to += 1;
         }
         block.push(&columns, lit, 1.0 / self.columns.len().max(1) as f32, &spots);
     }

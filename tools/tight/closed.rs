@@ -4,7 +4,7 @@ use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 use luxel::{
     math::{hash, unit_float},
     scene::{Instance, Material, Mesh, Primitive, Scene, World},
-    trace::{Hit, Ray, Segment, Tracer},
+    trace::{Hit, NOWHERE, Ray, Segment, Tracer},
 };
 use rayon::prelude::*;
 
@@ -43,7 +43,7 @@ pub fn escaped(scene: &Scene, count: u64) -> u64 {
     let tracer = Tracer::new(World::new(scene));
     let batch = |first: u64| {
         let rays: Vec<Ray> = (first..count.min(first + RAYS as u64)).map(|k| ray(&tracer.world, k)).collect();
-        let segment = |r: &Ray| Segment { origin: r.origin, direction: r.direction, t: f32::INFINITY };
+        let segment = |r: &Ray| Segment { origin: r.origin, direction: r.direction, t: f32::INFINITY, from: NOWHERE };
         let segments: Vec<Segment> = rays.iter().map(segment).collect();
         let (mut hits, mut through): ([Option<Hit>; RAYS], _) = ([None; RAYS], [Vec3::ZERO; RAYS]);
         tracer.closest_of_each(&rays, &mut hits[..rays.len()]);
@@ -69,7 +69,7 @@ fn ray(world: &World, k: u64) -> Ray {
         2 => (a + b + c) / 3.0,
         _ => origin + Vec3::new(share(5), share(6), share(7)) - 0.5,
     };
-    Ray { origin, direction: (target - origin).try_normalize().unwrap_or(Vec3::Z), key }
+    Ray { origin, direction: (target - origin).try_normalize().unwrap_or(Vec3::Z), key, from: NOWHERE }
 }
 
 /// Around the origin, radius 1, twenty faces split `times` times.

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use luxel::{
     math::hash,
-    trace::{self, Tracer, rounding},
+    trace::{self, Tracer},
 };
 use rayon::prelude::*;
 use std::hint::black_box;
@@ -26,21 +26,23 @@ pub struct Ray {
     /// Where it ends, in lengths of the direction.
     pub t: f32,
     pub key: u32,
+    /// Global triangle that it starts on.
+    pub from: u32,
 }
 
 impl From<trace::Ray> for Ray {
     fn from(r: trace::Ray) -> Self {
-        Ray { origin: r.origin, direction: r.direction, t: f32::INFINITY, key: r.key }
+        Ray { origin: r.origin, direction: r.direction, t: f32::INFINITY, key: r.key, from: r.from }
     }
 }
 
 impl Ray {
     fn whole(&self) -> trace::Ray {
-        trace::Ray { origin: self.origin, direction: self.direction, key: self.key }
+        trace::Ray { origin: self.origin, direction: self.direction, key: self.key, from: self.from }
     }
 
     fn segment(&self) -> trace::Segment {
-        trace::Segment { origin: self.origin, direction: self.direction, t: self.t }
+        trace::Segment { origin: self.origin, direction: self.direction, t: self.t, from: self.from }
     }
 }
 
@@ -147,13 +149,9 @@ pub fn keyed(k: u32, salt: u32, len: usize) -> usize {
     ((u64::from(hash(k, salt)) * len as u64) >> 32) as usize
 }
 
-/// True if `v` points to the side on which the ray starts. The face is what lies right behind the start.
+/// True if `v` points to the side of the face to which the ray goes.
 fn above(tracer: &Tracer, ray: &Ray, v: Vec3) -> bool {
-    let back = Ray { direction: -ray.direction, ..*ray };
-    let Some((t, triangle)) = Caster::closest(tracer, &back) else { return false };
-    let (instance, local) = tracer.world.locate(triangle);
-    let corners = tracer.world.corners(instance, local);
-    let normal = tracer.world.cross(instance, &corners).normalize_or_zero();
-    let cos = normal.dot(ray.direction);
-    t * cos.abs() <= 16.0 * rounding(&corners) && (normal.dot(v) > 0.0) == (cos > 0.0)
+    let (instance, local) = tracer.world.locate(ray.from);
+    let normal = tracer.world.cross(instance, &tracer.world.corners(instance, local));
+    (normal.dot(v) > 0.0) == (normal.dot(ray.direction) > 0.0)
 }

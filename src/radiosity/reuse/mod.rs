@@ -13,7 +13,7 @@ use crate::{
     math::{Frame, luminance, simd::Level},
     patches::{Patches, continues},
     progress::{Observer, check},
-    trace::{Segment, Tracer},
+    trace::{NOWHERE, Segment, Tracer},
     transport::Transport,
 };
 use glam::{UVec2, Vec3};
@@ -114,7 +114,7 @@ impl Gather<'_> {
         };
         let origin = above(leader);
         let (some, ways): (Vec<u32>, Vec<Segment>) =
-            some.map(|t| (t, Segment { origin, direction: above(t) - origin, t: 1.0 })).unzip();
+            some.map(|t| (t, Segment { origin, direction: above(t) - origin, t: 1.0, from: NOWHERE })).unzip();
         let mut through = vec![Vec3::ZERO; ways.len()];
         self.tracer.transmittance_of_each(&ways, &mut through);
         let joined = some.into_iter().zip(through).filter(|&(t, way)| t == leader || luminance(way) > 0.5);

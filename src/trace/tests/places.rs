@@ -54,7 +54,7 @@ fn ray(world: &World, k: u32) -> Ray {
         _ => (here[0] + here[1] + here[2]) / 3.0 + normal * rounding(&here),
     };
     let d = if k & 1 == 0 { direction(hash(k, 3)) } else { (there[0] - origin).normalize() };
-    Ray { origin, direction: d, key: k }
+    Ray { origin, direction: d, key: k, from: NOWHERE }
 }
 
 fn bits(hit: &Option<Hit>) -> Option<(u32, u32, [u32; 2], bool)> {
@@ -67,7 +67,7 @@ fn a_shared_mesh_is_met_as_if_every_triangle_were_placed() {
     let placed = forests(&scene, false).next().expect("the portable one");
     let rays: Vec<Ray> = (0..60_000).map(|k| ray(&placed.world, k)).collect();
     let segments: Vec<Segment> =
-        rays.iter().map(|r| Segment { origin: r.origin, direction: r.direction, t: 4.0 }).collect();
+        rays.iter().map(|r| Segment { origin: r.origin, direction: r.direction, t: 4.0, from: NOWHERE }).collect();
     let (mut truth, mut open) = (vec![None; rays.len()], vec![Vec3::ZERO; rays.len()]);
     placed.closest_of_each(&rays, &mut truth);
     placed.transmittance_of_each(&segments, &mut open);
