@@ -2,7 +2,7 @@
 //! goes both ways alike, A_i F_ij = A_j F_ji, and positive definite on the receivers that reflect anything.
 //!
 //! Rows of rays are not that symmetric. So the symmetric part of A F stands for it, and its solution corrects the true
-//! system's, again and again: what is converged is the true residual. Where a correction does not halve that, rows are too
+//! system's, again and again: what is converged is the true residual. Where a correction takes less than a third off that, rows are too
 //! noisy for this method, and it gives up. Takes the rows by column, which is as large as the rows.
 
 use super::{
@@ -24,12 +24,14 @@ pub(super) struct Conjugate {
 /// true one), and most steps to get there.
 const LEFT: f64 = 0.3;
 const STEPS: usize = 100;
+/// Share of the true residual that a correction may leave.
+const ENOUGH: f64 = 0.7;
 
 impl Method for Conjugate {
     fn next(&mut self, system: &System, x: &mut Vec<DVec3>, mapped: &[DVec3]) -> Option<u64> {
         let residual = difference(mapped, x);
         let norm = libm::sqrt(dot(&residual, &residual).element_sum());
-        if self.before.is_some_and(|before| norm > 0.5 * before) {
+        if self.before.is_some_and(|before| norm > ENOUGH * before) {
             return None;
         }
         self.before = Some(norm);
