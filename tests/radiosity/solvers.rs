@@ -54,7 +54,8 @@ fn agree(parts: &Parts, what: &str) {
         let off = truth.iter().zip(&found).map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f64::max);
         assert!(report.converged, "{what}, {solver:?}: {:?}", report.relative_bound);
         assert!(off <= 1e-5 * dark, "{what}, {solver:?}: off by {}", off / dark);
-        assert!(off <= report.bound.expect("a bound"), "{what}, {solver:?}: {off} is beyond the bound");
+        // Rounding is in the truth, too.
+        assert!(off <= report.bound.expect("a bound") + 1e-12 * dark, "{what}, {solver:?}: {off} is beyond the bound");
     }
 }
 
