@@ -1,7 +1,7 @@
 //! Holds the solvers against each other on a scene, with every surface painted anew: reflectance .5, .9, .99, and one
 //! texel of .99 among .5.
 //!
-//!     cargo run --release --example solvers -- SCENE.glb [--resolution N] [--rays N]
+//!     cargo run --release --example solvers -- SCENE.glb [--resolution N] [--rays N]      # 256, 64
 //!
 //! Of each solver: entries touched (in all that the matrix has) until the true error is below 1e-3, and until the solver
 //! itself is sure of its tolerance; the seconds to there, and the true error then. Errors are those of the worst texel over

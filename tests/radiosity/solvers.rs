@@ -47,7 +47,9 @@ fn solve(system: &System, solver: Solver, tolerance: f64) -> Radiosity {
 fn agree(parts: &Parts, what: &str) {
     let system = parts.system();
     let (mut truth, mut found) = (Vec::new(), Vec::new());
-    system.watched(Solver::Direct, 1e-9, &Silent, &mut |_, x| truth = x.to_vec()).expect("a dense solution");
+    let dense =
+        system.watched(Solver::Direct, 1e-9, &Silent, &mut |_, x| truth = x.to_vec()).expect("a dense solution");
+    assert!(dense.report.converged && dense.report.fallback.is_none(), "{what}: {:?}", dense.report);
     let dark = system.dark_mean(&truth).max(1e-30);
     for solver in parts.solvers() {
         let report = system.watched(solver, 1e-6, &Silent, &mut |_, x| found = x.to_vec()).expect("a solution").report;
