@@ -198,12 +198,19 @@ pub struct SolverReport {
     pub name: &'static str,
     /// Bounces after which light was dropped; none: all bounces.
     pub bounces: Option<u32>,
-    /// Iterations.
+    /// Who went on where the solver could do no more.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fallback: Option<&'static str>,
+    /// Iterations: looks at the residual, one after each step of the solver.
     pub iterations: usize,
-    /// Matrix entries touched.
+    /// Matrix entries touched, those of looks, of the bound and of preparations included.
     pub entries: u64,
-    /// Largest true residual (irradiance) after each iteration; none for a truncated sum.
+    /// Wall time.
+    pub seconds: f64,
+    /// Largest true residual (irradiance) at each look; none for a truncated sum.
     pub residuals: Vec<f64>,
+    /// Matrix entries touched until each look.
+    pub touched: Vec<u64>,
     /// Bound on the largest truncation error (irradiance); none for a truncated sum.
     pub bound: Option<f64>,
     /// The same, relative to the mean of the darker half.

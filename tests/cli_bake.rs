@@ -71,6 +71,34 @@ fn bounces_and_solver_are_reported() {
     assert!(said.code == 0 && said.out.contains("neumann, bounces 0 to 0"), "{}{}", said.out, said.err);
 }
 
+/// The table of --solver in the README.
+#[test]
+fn every_solver_works_with_every_effort() {
+    let folder = Folder::new();
+    for solver in luxel::radiosity::Solver::ALL.map(|s| s.name()) {
+        for effort in ["--rays 16", "--rays 16 --no-reuse", "--rays 4 --bounces 1", "--quality preview"] {
+            let options = format!("--resolution 32 {effort} --solver {solver} --report - --quiet");
+            let said = folder.luxel(&format!("bake room.gltf -o a.glb {options}"));
+            assert_eq!(said.code, 0, "{options}: {}", said.err);
+            let report = serde_json::from_str::<Value>(&said.out).unwrap()["solver"].take();
+            let name = if effort.contains("bounces") { "neumann" } else { solver };
+            assert_eq!((&report["name"], &report["converged"]), (&json!(name), &json!(name == solver)), "{options}");
+        }
+    }
+}
+
+#[test]
+fn too_many_texels_for_dense_lu_are_wrong_usage() {
+    let folder = Folder::new();
+    let said = folder.luxel("bake room.gltf --resolution 128 --rays 4 --solver direct");
+    assert_eq!(said.code, 2, "{}", said.err);
+    for part in ["--solver direct", "4096", "use --solver anderson"] {
+        assert!(said.err.contains(part), "{part}: {}", said.err);
+    }
+    assert_eq!(folder.files(), ["room.gltf"]);
+    assert_eq!(folder.luxel("bake room.gltf --resolution 128 --rays 4 --solver direct --bounces 1").code, 0);
+}
+
 #[test]
 fn every_wished_file_appears() {
     let folder = Folder::new();

@@ -85,6 +85,7 @@ fn foreign_crates_stay_in_their_rooms() {
         ("clap", &["cli"]),
         ("serde_json", &["gltf", "cli"]),
         ("sysinfo", &["memory"]),
+        ("nalgebra", &["radiosity"]),
     ];
     let mut all = rooms();
     all.push("cli".into());

@@ -34,7 +34,7 @@ pub struct Options {
     pub shadow_rays: u32,
     /// Largest reflectance, (0, .9999]. Default: .98.
     pub max_reflectance: f32,
-    /// Which light is followed, and how. Default: all bounces, by chebyshev.
+    /// Which light is followed, and how. Default: all bounces, by anderson.
     pub radiosity: radiosity::Options,
     /// What the maps hold. Default: full.
     pub content: Content,

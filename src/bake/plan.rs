@@ -66,11 +66,14 @@ pub(super) fn announce(
     let sheets = scene.materials.iter().any(|m| m.double_sided);
     let backs = if sheets { rays * BYTES_A_BACK } else { 0 };
     let rest = texels * bytes_a_texel(options, texels) + bytes_of_triangles(scene) + pixels(atlas) * BYTES_A_PIXEL;
-    let need_mb = (backs + rest) >> 20;
+    let solving = if options.radiosity.bounces.is_some() { 0 } else { options.radiosity.solver.bytes(texels, rays) };
+    let need_mb = (backs + rest + solving) >> 20;
     let pages = atlas.pages.iter().filter(|p| !p.hidden).count();
     let free_mb = memory::free_mb();
     // Textures are there already: what is free is free beside them.
     let textures: u64 = scene.textures.iter().map(|t| Texture::bytes(t.picture().0)).sum();
+    // The solver runs when all rows are there.
+    options.radiosity.check(texels as usize, true)?;
     let beside = if textures > 0 { format!(", beside {} MB of textures", textures >> 20) } else { String::new() };
     let size = format!("{texels} texels on {pages} page(s), {rays} rays");
     observer.plan(&format!("{size}, up to {need_mb} MB of {free_mb} MB free{beside}"));
@@ -165,6 +168,10 @@ pub(super) fn warn(r: &mut Report, options: &Options) {
     }
     if r.rays.lost as f64 > 1e-5 * r.rays.traced as f64 {
         r.warnings.push(format!("{} of {} rays met no texel: light is lost", r.rays.lost, r.rays.traced));
+    }
+    if let Some(other) = r.solver.fallback {
+        let name = r.solver.name;
+        r.warnings.push(format!("the solver {name} could do no more and {other} went on; --solver chooses another"));
     }
     if let Some(bound) = r.solver.relative_bound.filter(|_| !r.solver.converged) {
         r.warnings.push(format!("the solver stopped at a relative error bound of {bound:.1e}"));

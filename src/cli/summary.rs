@@ -112,9 +112,10 @@ fn solver(report: &Report) -> String {
     let (bound, relative) = (s.bound.unwrap_or(0.0), s.relative_bound.unwrap_or(0.0));
     let end = if s.converged { "" } else { ", NOT converged" };
     format!(
-        "{}, {} iterations, error at most {} W/m2 ({} of the darker half){end}",
+        "{}, {} entries touched in {:.2} s, error at most {} W/m2 ({} of the darker half){end}",
         s.name,
-        s.iterations,
+        count(s.entries),
+        s.seconds,
         digits(bound),
         percent(100.0 * relative)
     )

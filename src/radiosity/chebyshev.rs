@@ -1,7 +1,7 @@
 //! Chebyshev semi-iteration (Golub and Varga, 1961) on the fixed-point map, whose spectrum lies in [-c, c] with the
 //! known contraction c: the error shrinks by c / (1 + sqrt(1 - c^2)) a step, against c for the plain iteration.
 
-use super::Method;
+use super::{Method, System};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -19,15 +19,16 @@ impl Chebyshev {
 }
 
 impl Method for Chebyshev {
-    fn next(&mut self, x: &mut Vec<DVec3>, mapped: &[DVec3]) {
+    fn next(&mut self, _: &System, x: &mut Vec<DVec3>, mapped: &[DVec3]) -> Option<u64> {
         if self.before.is_empty() {
             self.omega = 2.0;
             self.before = std::mem::replace(x, mapped.to_vec());
-            return;
+            return Some(0);
         }
         self.omega = 1.0 / (1.0 - 0.25 * self.contraction * self.contraction * self.omega);
         let omega = self.omega;
         self.before.par_iter_mut().zip(mapped).for_each(|(b, m)| *b += omega * (*m - *b));
         std::mem::swap(x, &mut self.before);
+        Some(0)
     }
 }

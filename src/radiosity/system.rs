@@ -10,10 +10,11 @@ use rayon::prelude::*;
 /// In double precision: beside a lamp a thousand times brighter than the dark half, single precision ends before the
 /// error that is allowed, and near reflectance 1 it is amplified ten thousandfold.
 pub struct System<'t> {
-    transport: &'t Transport,
+    pub(super) transport: &'t Transport,
     /// M of each patch, then the exitance of each cell of the sky.
     emission: Vec<Vec3>,
-    reflectance: &'t [Vec3],
+    pub(super) reflectance: &'t [Vec3],
+    pub(super) area: &'t [f32],
     /// S of each patch; empty: none.
     sampled: &'t [Vec3],
     /// B of each receiver; empty: none.
@@ -39,6 +40,7 @@ impl<'t> System<'t> {
             transport,
             emission: (0..patches.len()).map(exitance).chain(sky.iter().copied()).collect(),
             reflectance: &patches.reflectance,
+            area: &patches.area,
             sampled: &direct.bounce.exitance,
             extra: extra.copied().collect(),
             direct: (0..patches.len()).map(|i| direct.total(i)).collect(),
@@ -50,6 +52,11 @@ impl<'t> System<'t> {
         self.transport.receivers.len()
     }
 
+    /// Stored matrix entries.
+    pub fn entries(&self) -> u64 {
+        self.transport.rows.entries()
+    }
+
     /// M of each patch as rows carry it, then the exitance of each cell of the sky.
     pub fn emission(&self) -> &[Vec3] {
         &self.emission
@@ -58,7 +65,7 @@ impl<'t> System<'t> {
     /// What rows see of light that has not been reflected yet, F M; returns the matrix entries touched.
     pub fn emitted(&self, out: &mut [DVec3]) -> u64 {
         self.transport.rows.map_into(out, |row| row.sum(|c| self.emission[c as usize].as_dvec3()));
-        self.transport.rows.entries()
+        self.entries()
     }
 
     /// Applies the map; returns the matrix entries touched.
@@ -66,7 +73,28 @@ impl<'t> System<'t> {
         let radiosity = self.radiosity(x);
         self.transport.rows.map_into(out, |row| row.sum(|c| radiosity[c as usize]));
         out.par_iter_mut().zip(&self.extra).for_each(|(out, extra)| *out += extra.as_dvec3());
-        self.transport.rows.entries()
+        self.entries()
+    }
+
+    /// One receiver of the map, where columns have this radiosity.
+    pub(super) fn gathered(&self, receiver: usize, radiosity: &[DVec3]) -> DVec3 {
+        let extra = self.extra.get(receiver).map_or(DVec3::ZERO, |e| e.as_dvec3());
+        self.transport.rows.row(receiver).sum(|c| radiosity[c as usize]) + extra
+    }
+
+    /// K x, the map without its light.
+    pub(super) fn scatter(&self, x: &[DVec3], out: &mut [DVec3]) {
+        let mut sent = vec![DVec3::ZERO; self.reflectance.len()];
+        self.transport.interpolate(x, &mut sent);
+        sent.par_iter_mut().zip(self.reflectance).for_each(|(s, rho)| *s *= rho.as_dvec3());
+        // The sky reflects nothing.
+        sent.resize(self.emission.len(), DVec3::ZERO);
+        self.transport.rows.map_into(out, |row| row.sum(|c| sent[c as usize]));
+    }
+
+    /// Power (W) that patch `p` reflects of an irradiance of 1.
+    pub(super) fn power(&self, p: usize) -> DVec3 {
+        self.reflectance[p].as_dvec3() * f64::from(self.area[p])
     }
 
     /// What rows carry of the radiosity of every column: M + rho (D + P I) - S of patches, then the sky's exitance.
@@ -108,7 +136,7 @@ impl<'t> System<'t> {
             }
             sum.iter_mut().zip(&power).for_each(|(s, p)| *s += p);
         }
-        (best, contraction, TERMS as u64 * self.transport.rows.entries())
+        (best, contraction, TERMS as u64 * self.entries())
     }
 
     /// Irradiance of the patches for the solution `x`.

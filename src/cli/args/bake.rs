@@ -125,7 +125,9 @@ pub struct Bake {
           value_parser = named(Content::ALL, Content::name))]
     pub content: Content,
 
-    /// Who solves for the light of all bounces; the result is the same within the error bound
+    /// Who solves for the light of all bounces; the result is the same within the error bound. direct takes at most 4096
+    /// texels, with the backs that rays meet; conjugate-gradient wants light to be received at every texel; with --bounces
+    /// there is nothing to solve
     #[arg(long, value_name = "NAME", help_heading = "Method", default_value = Solver::default().name(),
           value_parser = named(Solver::ALL, Solver::name))]
     pub solver: Solver,

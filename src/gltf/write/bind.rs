@@ -74,6 +74,7 @@ fn short(report: &Report) -> Value {
         "solver": report.solver.name,
         "bounces": report.solver.bounces,
         "iterations": report.solver.iterations,
+        "entries": report.solver.entries,
         "relativeBound": report.solver.relative_bound,
         "energyImbalance": report.energy.imbalance,
         "warnings": report.warnings.len(),
