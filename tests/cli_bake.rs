@@ -72,6 +72,24 @@ fn bounces_and_solver_are_reported() {
 }
 
 #[test]
+fn receivers_are_reported() {
+    let folder = Folder::new();
+    let report = |options: &str| -> Value {
+        let said = folder.luxel(&format!("bake room.gltf -o a.glb --rays 4 --report - --quiet {options}"));
+        assert_eq!((said.code, said.err.as_str()), (0, ""), "{options}");
+        serde_json::from_str(&said.out).unwrap()
+    };
+    let count = |report: &Value, what: &str| report[what].as_u64().unwrap();
+    let all = report("--resolution 256 --receivers all");
+    assert_eq!(count(&all, "receivers"), count(&all, "patches"));
+    let some = report("--resolution 256 --receivers adaptive");
+    assert!(count(&some, "receivers") * 2 < count(&some, "patches"), "{some:#}");
+    assert!(count(&some, "matrix_bytes") * 2 < count(&all, "matrix_bytes"));
+    let said = folder.luxel("bake room.gltf --receivers few");
+    assert_eq!(said.code, 2, "{}", said.err);
+}
+
+#[test]
 fn every_wished_file_appears() {
     let folder = Folder::new();
     let options = "-o a.glb --preview a.png --flat flat.glb --report a.json --sidecar --float --strip-lights";
