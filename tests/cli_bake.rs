@@ -76,7 +76,15 @@ fn bounces_and_solver_are_reported() {
 fn every_solver_works_with_every_effort() {
     let folder = Folder::new();
     for solver in luxel::radiosity::Solver::ALL.map(|s| s.name()) {
-        for effort in ["--rays 16", "--rays 16 --no-reuse", "--rays 4 --bounces 1", "--quality preview"] {
+        let efforts = [
+            "--rays 16",
+            "--rays 16 --no-reuse",
+            "--rays 16 --receivers adaptive",
+            "--rays 4 --bounces 1",
+            "--quality preview",
+        ];
+        let refused = |effort: &str| solver == "conjugate-gradient" && effort.contains("adaptive");
+        for effort in efforts.into_iter().filter(|effort| !refused(effort)) {
             let options = format!("--resolution 32 {effort} --solver {solver} --report - --quiet");
             let said = folder.luxel(&format!("bake room.gltf -o a.glb {options}"));
             assert_eq!(said.code, 0, "{options}: {}", said.err);
@@ -85,6 +93,19 @@ fn every_solver_works_with_every_effort() {
             assert_eq!((&report["name"], &report["converged"]), (&json!(name), &json!(name == solver)), "{options}");
         }
     }
+}
+
+#[test]
+fn conjugate_gradients_with_adaptive_receivers_are_wrong_usage() {
+    let folder = Folder::new();
+    let options = "--resolution 32 --rays 4 --solver conjugate-gradient --receivers adaptive";
+    let said = folder.luxel(&format!("bake room.gltf {options}"));
+    assert_eq!(said.code, 2, "{}", said.err);
+    for part in ["--solver conjugate-gradient", "no symmetric form", "use --solver anderson"] {
+        assert!(said.err.contains(part), "{part}: {}", said.err);
+    }
+    assert_eq!(folder.files(), ["room.gltf"]);
+    assert_eq!(folder.luxel(&format!("bake room.gltf {options} --bounces 1")).code, 0);
 }
 
 #[test]
@@ -97,6 +118,24 @@ fn too_many_texels_for_dense_lu_are_wrong_usage() {
     }
     assert_eq!(folder.files(), ["room.gltf"]);
     assert_eq!(folder.luxel("bake room.gltf --resolution 128 --rays 4 --solver direct --bounces 1").code, 0);
+}
+
+#[test]
+fn receivers_are_reported() {
+    let folder = Folder::new();
+    let report = |options: &str| -> Value {
+        let said = folder.luxel(&format!("bake room.gltf -o a.glb --rays 4 --report - --quiet {options}"));
+        assert_eq!((said.code, said.err.as_str()), (0, ""), "{options}");
+        serde_json::from_str(&said.out).unwrap()
+    };
+    let count = |report: &Value, what: &str| report[what].as_u64().unwrap();
+    let all = report("--resolution 256 --receivers all");
+    assert_eq!(count(&all, "receivers"), count(&all, "patches"));
+    let some = report("--resolution 256 --receivers adaptive");
+    assert!(count(&some, "receivers") * 2 < count(&some, "patches"), "{some:#}");
+    assert!(count(&some, "matrix_bytes") * 2 < count(&all, "matrix_bytes"));
+    let said = folder.luxel("bake room.gltf --receivers few");
+    assert_eq!(said.code, 2, "{}", said.err);
 }
 
 #[test]

@@ -56,16 +56,18 @@ fn follows(shot: &Shot, chart: Chart, law: impl Fn(DVec3) -> f64) {
 /// Patches near the lamp are bright enough to be sampled as sources themselves, which is their light's first bounce.
 #[test]
 fn no_bounce_is_direct_light_alone() {
-    let bake = |reuse| {
+    let bake = |reuse, receivers| {
         let mut stage = Stage::new();
         let (white, lamp) = (stage.material(0.8, 0.0), LightKind::Point { radius: 0.0 });
-        unit_room().all(&mut stage, white, 8);
+        unit_room().all(&mut stage, white, 24);
         stage.light(lamp, vec3(0.5, 0.95, 0.5), Vec3::ZERO, 1.0);
         let radiosity = radiosity::Options { bounces: Some(0), ..Default::default() };
-        let transport = transport::Options { rays: 32, reuse };
+        let transport = transport::Options { reuse, receivers, rays: 32 };
         shoot_with(stage, bake::Options { transport, radiosity, ..options(32) }).baked.irradiance
     };
-    assert_eq!(bake(true), bake(false));
+    let [all, adaptive] = transport::Receivers::ALL;
+    let alone = bake(false, all);
+    assert!(alone == bake(true, all) && alone == bake(false, adaptive) && alone == bake(true, adaptive));
 }
 
 #[test]

@@ -14,7 +14,7 @@ use luxel::{
     lightmaps::{Lightmaps, Map},
     progress::Silent,
     scene::Scene,
-    transport,
+    transport::{self, Receivers},
 };
 use std::path::PathBuf;
 
@@ -59,7 +59,7 @@ fn rays_used_again_stand_for_many() {
     for name in ["cornell", "furnished"] {
         let (scene, truth) = read(name);
         let [again, once] = [true, false].map(|reuse| {
-            let transport = transport::Options { rays: 32, reuse };
+            let transport = transport::Options { reuse, ..transport::Options::of(32) };
             let baked =
                 bake_with(&scene, &truth, Unwrap::Keep, bake::Options { transport, ..bake::Options::default() });
             Metrics::new(&truth, &score::texels(&baked.lightmaps, &truth))
@@ -69,7 +69,6 @@ fn rays_used_again_stand_for_many() {
     }
 }
 
-/// The figures are those that a scorer in another language gave for the same values.
 /// A square lamp's shadows from 8 rays a texel, which neighbours in a penumbra share. Unshared it takes 29 rays a texel on
 /// average, and the errors are .0118, .0222 and .0092.
 #[test]
@@ -96,6 +95,21 @@ fn rays_used_again_keep_the_shade_of_a_reveal() {
     assert_within(&found, [0.034, 0.03, 0.034], 0.003);
 }
 
+/// Rows at some of the texels, of a quarter of the rays: within the bounds of all texels.
+#[test]
+fn adaptive_receivers_keep_the_bounds() {
+    let scenes = [("cornell", [0.011, 0.022, 0.0135]), ("furnished", [0.02, 0.035, 0.03]), ("window", [0.05; 3])];
+    for (name, bounds) in scenes {
+        let (scene, truth) = read(name);
+        let transport = transport::Options { receivers: Receivers::Adaptive, ..transport::Options::of(RAYS / 4) };
+        let baked = bake_with(&scene, &truth, Unwrap::Keep, bake::Options { transport, ..bake::Options::default() });
+        println!("{name}: {} receivers, {} texels", baked.report.receivers, baked.report.texels);
+        assert!(name != "cornell" || baked.report.receivers * 2 < baked.report.texels);
+        assert_within(&Metrics::new(&truth, &score::texels(&baked.lightmaps, &truth)), bounds, 0.003);
+    }
+}
+
+/// The figures are those that a scorer in another language gave for the same values.
 #[test]
 fn metrics_are_those_of_the_other_scorer() {
     let (scene, truth) = read("cornell");

@@ -60,7 +60,7 @@ fn compare(file: &Path, resolution: u32, rays: u32) -> Result<(), Box<dyn Error>
     let coverage = Coverage::new(&world, &atlas);
     let tracer = Tracer::new(world);
     let mut patches = Patches::new(&tracer.world, &coverage, 0.98);
-    let measuring = transport::Options { rays, reuse: false };
+    let measuring = transport::Options { reuse: false, ..transport::Options::of(rays) };
     let transport = Transport::measure(&tracer, &coverage, &mut patches, &measuring, &Silent)?;
     let (receivers, entries) = (transport.receivers.len(), transport.rows.entries());
     println!("{}: {receivers} receivers, {rays} rays each, {entries} entries", file.display());

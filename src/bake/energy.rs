@@ -1,7 +1,7 @@
 //! The balance of power: what is put in, absorbed, and lost to the outside.
 
 use crate::{direct::Direct, patches::Patches, radiosity::Radiosity, report::EnergyReport, transport::Transport};
-use glam::Vec3;
+use glam::{DVec4, Vec3};
 
 /// Sums over patches. Exact for face normals up to the noise of the rows; light that smooth shading adds or drops at
 /// the receiver shows as imbalance.
@@ -13,16 +13,21 @@ pub(super) fn balance(
     radiosity: &Radiosity,
 ) -> EnergyReport {
     let power = |v: Vec3, area: f32| f64::from(v.element_sum()) * f64::from(area);
-    let mut e = EnergyReport::default();
-    for (i, &patch) in transport.receivers.iter().enumerate() {
-        let p = patch as usize;
-        // Enclosed surface neither gives nor takes.
-        let area = patches.area[p] * patches.validity[p];
-        let row = transport.rows.row(i);
+    let mut at_receivers = vec![DVec4::ZERO; transport.receivers.len()];
+    transport.rows.map_into(&mut at_receivers, |row| {
         let (hits, cells) = row.columns.split_at(row.columns.partition_point(|&c| (c as usize) < transport.patches));
         let from_sky: Vec3 = cells.iter().map(|&c| sky[c as usize - transport.patches]).sum::<Vec3>() * row.weight;
         // What meets no patch is gone: to the sky, or onto a back that nothing leaves.
         let gone = (1.0 - hits.len() as f32 * row.weight).max(0.0);
+        from_sky.extend(gone).as_dvec4()
+    });
+    let mut at_patches = vec![DVec4::ZERO; patches.len()];
+    transport.interpolate(&at_receivers, &mut at_patches);
+    let mut e = EnergyReport::default();
+    for (p, at_patch) in at_patches.into_iter().enumerate() {
+        let (from_sky, gone) = (at_patch.truncate().as_vec3(), at_patch.w as f32);
+        // Enclosed surface neither gives nor takes.
+        let area = patches.area[p] * patches.validity[p];
         let irradiance = direct.total(p) + radiosity.indirect[p];
         let reflected = patches.reflectance[p] * irradiance;
         let put_in = patches.exitance[p] + direct.lights[p] + direct.hidden_lights[p] + direct.sky_peaks[p] + from_sky;

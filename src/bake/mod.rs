@@ -129,7 +129,7 @@ impl<'s> Ground<'s> {
             Radiosity::solve(&transport, &patches, &direct, &sky, sources.gathered, &options.radiosity, observer)
         })?;
         let energy = energy::balance(&patches, &transport, &direct, &sky, &radiosity);
-        if options.transport.shares(coverage.texels.len()) {
+        if !transport.eyes.is_empty() {
             clock.time("reuse", || radiosity.reuse(&transport, tracer, coverage, &patches, &direct, observer))?;
         }
         let lightmaps = clock.time("lightmaps", || {

@@ -10,6 +10,7 @@ use crate::{
     report::{NodeReport, PageReport, RayReport, ReflectanceReport, Report, SCHEMA, SceneCounts},
     scene::{Primitive, Scene, Texture},
     trace::{self, Tracer},
+    transport::Receivers,
 };
 use std::collections::HashSet;
 
@@ -21,6 +22,8 @@ const BYTES_A_STORED_TRIANGLE: u64 = 300;
 const BYTES_A_PIXEL: u64 = 40;
 /// For each ray of a back.
 const BYTES_A_BACK: u64 = 4;
+/// For a texel that reads receivers.
+const BYTES_OF_WEIGHTS: u64 = 40;
 
 /// What to change when memory does not suffice.
 const REMEDY: &str = "lower --resolution or --texels-per-meter, or --rays";
@@ -38,9 +41,14 @@ pub(super) fn refuse(scene: &Scene, options: &Options, atlas: Option<&Atlas>) ->
     memory::fits(need >> 20, memory::free_mb(), REMEDY)
 }
 
-/// With the row of its front.
+/// With the row of its front, or with the weights by which it reads those of others: how many these are is not known
+/// before they are chosen.
 fn bytes_a_texel(options: &Options, texels: u64) -> u64 {
-    BYTES_A_TEXEL + u64::from(options.transport.rays) * options.transport.bytes_a_ray(texels as usize)
+    BYTES_A_TEXEL
+        + match options.transport.receivers {
+            Receivers::All => options.transport.bytes_of_rows(texels as usize) / texels.max(1),
+            Receivers::Adaptive => BYTES_OF_WEIGHTS,
+        }
 }
 
 fn bytes_of_triangles(scene: &Scene) -> u64 {
@@ -64,7 +72,8 @@ pub(super) fn announce(
     let rays = texels * u64::from(options.transport.rays);
     // Backs double the rows at worst.
     let sheets = scene.materials.iter().any(|m| m.double_sided);
-    let backs = if sheets { rays * BYTES_A_BACK } else { 0 };
+    let all = options.transport.receivers == Receivers::All;
+    let backs = if sheets && all { rays * BYTES_A_BACK } else { 0 };
     let rest = texels * bytes_a_texel(options, texels) + bytes_of_triangles(scene) + pixels(atlas) * BYTES_A_PIXEL;
     let solving = if options.radiosity.bounces.is_some() { 0 } else { options.radiosity.solver.bytes(texels, rays) };
     let need_mb = (backs + rest + solving) >> 20;
@@ -73,10 +82,14 @@ pub(super) fn announce(
     // Textures are there already: what is free is free beside them.
     let textures: u64 = scene.textures.iter().map(|t| Texture::bytes(t.picture().0)).sum();
     // The solver runs when all rows are there.
-    options.radiosity.check(texels as usize, true)?;
+    options.radiosity.check(if all { texels as usize } else { 0 }, all)?;
     let beside = if textures > 0 { format!(", beside {} MB of textures", textures >> 20) } else { String::new() };
-    let size = format!("{texels} texels on {pages} page(s), {rays} rays");
-    observer.plan(&format!("{size}, up to {need_mb} MB of {free_mb} MB free{beside}"));
+    let size = format!("{texels} texels on {pages} page(s)");
+    let effort = match options.transport.receivers {
+        Receivers::All => format!("{rays} rays, up to {need_mb} MB"),
+        Receivers::Adaptive => format!("up to {rays} rays, {need_mb} MB and the receivers' rows"),
+    };
+    observer.plan(&format!("{size}, {effort} of {free_mb} MB free{beside}"));
     memory::fits(need_mb, free_mb, REMEDY)
 }
 

@@ -9,6 +9,7 @@ use super::{Baked, Ground, Lit, Options, plan};
 use crate::{
     audit::{self, Audit, Budget, Subject},
     error::{Error, Result},
+    memory,
     progress::Observer,
     report::{LookReport, TargetReport},
     scene::Scene,
@@ -84,7 +85,10 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
             break lit;
         }
         let more = with_rays(options, next);
-        match plan::announce(scene, &ground.atlas, &ground.coverage, &more, observer) {
+        // Adaptive receivers grow with the root of their rays, which grow fourfold at most.
+        let receivers = (2 * lit.transport.receivers.len()).min(ground.coverage.texels.len());
+        let rows = memory::fits(more.transport.bytes_of_rows(receivers) >> 20, memory::free_mb(), "");
+        match plan::announce(scene, &ground.atlas, &ground.coverage, &more, observer).and(rows) {
             Err(Error::Memory { .. }) => break lit,
             other => other?,
         }

@@ -142,7 +142,7 @@ fn options(args: &args::Bake) -> Result<Options> {
     atlas.check()?;
     let radiosity = radiosity::Options { solver: args.solver, bounces: args.bounces };
     let rays = args.rays.unwrap_or(transport::Options::default().rays);
-    let transport = transport::Options { rays, reuse: !args.no_reuse };
+    let transport = transport::Options { rays, reuse: !args.no_reuse, receivers: args.receivers };
     let (max_reflectance, content) = (args.max_reflectance, args.content);
     Ok(Options { atlas, transport, max_reflectance, radiosity, content, ..Options::default() })
 }

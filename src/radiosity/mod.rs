@@ -24,10 +24,17 @@ pub use solver::Solver;
 pub use system::System;
 
 use crate::{
-    atlas::Coverage, direct::Direct, error::Result, patches::Patches, progress::Observer, report::SolverReport,
-    trace::Tracer, transport::Transport,
+    atlas::Coverage,
+    direct::Direct,
+    error::Result,
+    patches::Patches,
+    progress::Observer,
+    report::SolverReport,
+    trace::Tracer,
+    transport::{Interpolation, Transport},
 };
-use glam::Vec3;
+use glam::{DVec3, Vec3};
+use solve::single;
 use solver::Method;
 
 /// The solution.
@@ -70,10 +77,17 @@ impl Radiosity {
         observer: &dyn Observer,
     ) -> Result<Self> {
         let system = System::new(transport, patches, direct, sky, gathered);
-        match options.bounces {
+        let mut solved = match options.bounces {
             None => system.solve(options.solver, TOLERANCE, observer),
             Some(bounces) => system.truncated(bounces, observer),
+        }?;
+        // The system interpolates what is sampled, too; it is there at every patch.
+        let extra = solved.sampled(direct);
+        if !extra.is_empty() && !matches!(transport.interpolation, Interpolation::Identity) {
+            let by_rows = solved.by_rows(transport, extra);
+            solved.spread(transport, &by_rows, extra);
         }
+        Ok(solved)
     }
 
     /// Gathers once more: fronts also use the rays of their neighbours, where [`Options::shares`](crate::transport::Options::shares).
@@ -86,12 +100,31 @@ impl Radiosity {
         direct: &Direct,
         observer: &dyn Observer,
     ) -> Result<()> {
-        // What is sampled of the first bounce is none of the rows', and not there without a bounce.
-        let extra = if self.report.bounces == Some(0) { &[][..] } else { &direct.bounce.irradiance };
-        self.indirect.iter_mut().zip(extra).for_each(|(e, extra)| *e -= *extra);
+        let extra = self.sampled(direct);
+        let mut own = self.by_rows(transport, extra);
         let gather = reuse::Gather { transport, tracer, coverage, patches, radiosity: &self.gathered };
-        let done = gather.run(&mut self.indirect, observer);
+        gather.run(&mut own, observer)?;
+        self.spread(transport, &own, extra);
+        Ok(())
+    }
+
+    /// What is sampled of the first bounce is none of the rows', and not there without a bounce.
+    fn sampled<'d>(&self, direct: &'d Direct) -> &'d [Vec3] {
+        if self.report.bounces == Some(0) { &[] } else { &direct.bounce.irradiance }
+    }
+
+    /// What rows say, at the receivers: without what is sampled at each patch.
+    fn by_rows(&self, transport: &Transport, extra: &[Vec3]) -> Vec<Vec3> {
+        let at = |&p: &u32| self.indirect[p as usize] - extra.get(p as usize).copied().unwrap_or_default();
+        transport.receivers.iter().map(at).collect()
+    }
+
+    /// Spreads what rows say to all patches, and adds what is sampled there.
+    fn spread(&mut self, transport: &Transport, by_rows: &[Vec3], extra: &[Vec3]) {
+        let at_receivers: Vec<DVec3> = by_rows.iter().map(|e| e.as_dvec3()).collect();
+        let mut at_patches = vec![DVec3::ZERO; transport.patches];
+        transport.interpolate(&at_receivers, &mut at_patches);
+        self.indirect = single(&at_patches);
         self.indirect.iter_mut().zip(extra).for_each(|(e, extra)| *e += *extra);
-        done
     }
 }

@@ -18,7 +18,8 @@ const LIMIT: usize = 1_000_000;
 /// Iterations without a smaller residual after which a method is not trusted any more.
 const PATIENCE: usize = 50;
 
-fn single(values: &[DVec3]) -> Vec<Vec3> {
+/// In single precision.
+pub(super) fn single(values: &[DVec3]) -> Vec<Vec3> {
     values.iter().map(|v| v.as_vec3()).collect()
 }
 

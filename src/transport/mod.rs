@@ -5,6 +5,7 @@
 //! the patches, so that rows relight under any sky. Receivers may be fewer than patches; [`Interpolation`] spreads what
 //! they receive with convex weights.
 
+mod adaptive;
 mod rays;
 mod receiver;
 mod rows;
@@ -12,14 +13,14 @@ mod rows;
 pub use rays::rays_of_rows;
 pub use rows::{DARK, Ends, Row, Rows};
 
-use crate::{atlas::Coverage, error::Result, math::CELLS, patches::Patches, progress::Observer, trace::Tracer};
+use crate::{atlas::Coverage, error::Result, math::CELLS, memory, patches::Patches, progress::Observer, trace::Tracer};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::{iter::Sum, ops::Mul};
 
 /// Rows at receivers, and how patches read them.
 pub struct Transport {
-    /// The patch of each receiver.
+    /// The patch of each receiver, ascending.
     pub receivers: Vec<u32>,
     /// One row a receiver over `patches` patches and [`CELLS`] cells of the sky.
     pub rows: Rows,
@@ -27,8 +28,10 @@ pub struct Transport {
     pub patches: usize,
     /// From receivers to patches.
     pub interpolation: Interpolation,
-    /// Where the rays of each front start; empty unless neighbours may use them.
+    /// Where the rays of each receiver that is a front start; empty unless neighbours may use them.
     pub eyes: Vec<Eye>,
+    /// Of each receiver that is a front, texels to the neighbours with which it may share, 1, 2, 4 or 8; empty: 1.
+    pub strides: Vec<u8>,
     /// What became of the rays.
     pub stats: Stats,
 }
@@ -41,11 +44,36 @@ pub struct Options {
     /// Whether neighbours use each other's rays in the last gather, if rows have at most 64 rays or all together at most
     /// 2^26. Default: true.
     pub reuse: bool,
+    /// Which texels have rows of their own. Default: all.
+    pub receivers: Receivers,
+}
+
+/// Where rows are measured. Backs of sheets that rays meet have rows of their own in any case.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Receivers {
+    /// At every texel.
+    #[default]
+    All,
+    /// Where geometry is near, curved or creased; what lies between is interpolated.
+    Adaptive,
+}
+
+impl Receivers {
+    /// Everything there is to choose from.
+    pub const ALL: [Receivers; 2] = [Receivers::All, Receivers::Adaptive];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Receivers::All => "all",
+            Receivers::Adaptive => "adaptive",
+        }
+    }
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Options { rays: 64, reuse: true }
+        Options { rays: 64, reuse: true, receivers: Receivers::default() }
     }
 }
 
@@ -56,16 +84,18 @@ impl Options {
     }
 
     /// True if neighbours use each other's rays, each of which takes 16 bytes then: with many rays it would be too many.
-    pub fn shares(&self, texels: usize) -> bool {
-        self.reuse && (self.rays <= SHARED || texels as u64 * u64::from(self.rays) <= SHARED_IN_ALL)
+    pub fn shares(&self, receivers: usize) -> bool {
+        self.reuse && (self.rays <= SHARED || receivers as u64 * u64::from(self.rays) <= SHARED_IN_ALL)
     }
 
-    /// Bytes that are kept of a ray.
-    pub fn bytes_a_ray(&self, texels: usize) -> u64 {
-        if self.shares(texels) { 16 } else { 4 }
+    /// Bytes that are kept of the rays of so many receivers.
+    pub fn bytes_of_rows(&self, receivers: usize) -> u64 {
+        receivers as u64 * u64::from(self.rays) * if self.shares(receivers) { 16 } else { 4 }
     }
 }
 
+/// What to change when memory does not suffice.
+const REMEDY: &str = "lower --rays, --resolution or --texels-per-meter";
 /// Rays of a row, and of all rows, that neighbours use.
 const SHARED: u32 = 64;
 const SHARED_IN_ALL: u64 = 1 << 26;
@@ -94,6 +124,16 @@ pub enum Interpolation {
     },
 }
 
+impl Interpolation {
+    /// One more patch, which is this receiver.
+    fn add_own(&mut self, receiver: u32) {
+        if let Interpolation::Convex { starts, entries } = self {
+            entries.push((receiver, 1.0));
+            starts.push(entries.len() as u32);
+        }
+    }
+}
+
 /// Counts of rays.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Stats {
@@ -117,7 +157,7 @@ impl std::ops::AddAssign for Stats {
 }
 
 impl Transport {
-    /// Measures a row at every patch, and tells `patches` which backs rays met and what is buried.
+    /// Chooses receivers and measures their rows, and tells `patches` which backs rays met and what is buried.
     pub fn measure(
         tracer: &Tracer,
         coverage: &Coverage,
@@ -125,13 +165,28 @@ impl Transport {
         options: &Options,
         observer: &dyn Observer,
     ) -> Result<Self> {
-        let measured = rays::measure(tracer, coverage, patches, options, observer)?;
+        let fronts = patches.fronts as u32;
+        let (mut receivers, strides, mut interpolation) = match options.receivers {
+            Receivers::All => ((0..fronts).collect(), Vec::new(), Interpolation::Identity),
+            Receivers::Adaptive => {
+                let chosen = adaptive::choose(tracer, coverage, options.rays, observer)?;
+                // Until now nobody knew how many there are.
+                memory::fits(options.bytes_of_rows(chosen.texels.len()) >> 20, memory::free_mb(), REMEDY)?;
+                (chosen.texels, chosen.strides, chosen.interpolation)
+            }
+        };
+        let measured = rays::measure(tracer, coverage, patches, &receivers, options, observer)?;
+        for back in fronts..patches.len() as u32 {
+            interpolation.add_own(receivers.len() as u32);
+            receivers.push(back);
+        }
         let transport = Transport {
-            receivers: (0..patches.len() as u32).collect(),
+            receivers,
             rows: measured.rows,
             patches: patches.len(),
-            interpolation: Interpolation::Identity,
+            interpolation,
             eyes: measured.eyes,
+            strides,
             stats: measured.stats,
         };
         debug_assert!(transport.validate().is_ok(), "{:?}", transport.validate());
@@ -148,8 +203,22 @@ impl Transport {
             patches,
             interpolation: Interpolation::Identity,
             eyes: Vec::new(),
+            strides: Vec::new(),
             stats: Stats::default(),
         }
+    }
+
+    /// The receiver at a patch, if its row was measured.
+    pub fn receiver_at(&self, patch: u32) -> Option<usize> {
+        match self.interpolation {
+            Interpolation::Identity => Some(patch as usize),
+            Interpolation::Convex { .. } => self.receivers.binary_search(&patch).ok(),
+        }
+    }
+
+    /// Texels from a receiver that is a front to the neighbours with which it may share.
+    pub fn stride(&self, receiver: usize) -> u32 {
+        self.strides.get(receiver).map_or(1, |&s| u32::from(s))
     }
 
     /// Spreads values at receivers to all patches.

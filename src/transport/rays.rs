@@ -43,22 +43,23 @@ const FEW: usize = 32;
 /// Draws of a direction above the face before it is mirrored there.
 const DRAWS: usize = 16;
 
-/// Measures fronts first; the backs they met next; until no ray meets a new back.
+/// Measures the fronts that are `receivers` first; the backs they met next; until no ray meets a new back.
 pub(super) fn measure(
     tracer: &Tracer,
     coverage: &Coverage,
     patches: &mut Patches,
+    receivers: &[u32],
     options: &Options,
     observer: &dyn Observer,
 ) -> error::Result<Measured> {
     let texels = patches.fronts;
-    let shooter = Shooter::new(tracer, coverage, options);
-    let mut wave: Vec<u32> = (0..texels as u32).collect();
+    let shooter = Shooter::new(tracer, coverage, options, options.shares(receivers.len()));
+    let mut wave = receivers.to_vec();
     let (mut back, mut backs) = (false, Vec::new());
-    let (mut validity, mut buried) = (Vec::with_capacity(texels), Vec::with_capacity(texels));
+    let (mut validity, mut buried) = (Vec::with_capacity(wave.len()), Vec::with_capacity(wave.len()));
     let (mut blocks, mut eyes) = (Vec::new(), Vec::new());
     let mut stats = Stats::default();
-    observer.begin("transport", texels as u64);
+    observer.begin("transport", wave.len() as u64);
     while !wave.is_empty() {
         let blocks_of = wave.par_chunks(BLOCK);
         let done: Vec<_> =
@@ -80,15 +81,18 @@ pub(super) fn measure(
         }
     }
     renumber(&mut blocks, texels as u32, &backs, patches.len() as u32);
-    patches.validity = validity;
-    patches.buried = buried;
+    let measured = receivers.iter().copied().chain(texels as u32..patches.len() as u32);
+    for ((patch, validity), buried) in measured.zip(validity).zip(buried) {
+        patches.validity[patch as usize] = validity;
+        patches.buried[patch as usize] = buried;
+    }
     Ok(Measured { rows: Rows::new(blocks), eyes, stats })
 }
 
 /// The rays of the fronts' rows, in the order in which [`Transport::measure`](super::Transport::measure) shoots them
 /// first: for benchmarks.
 pub fn rays_of_rows(tracer: &Tracer, coverage: &Coverage, rays: u32) -> Vec<Ray> {
-    let shooter = Shooter::new(tracer, coverage, &Options { rays, reuse: false });
+    let shooter = Shooter::new(tracer, coverage, &Options::of(rays), false);
     let texels: Vec<u32> = (0..coverage.texels.len() as u32).collect();
     let (mut out, mut desk) = (Vec::with_capacity(texels.len() * shooter.rays), Desk::default());
     for texels in texels.chunks(BLOCK) {
@@ -165,13 +169,13 @@ struct Row {
 }
 
 impl<'a> Shooter<'a> {
-    fn new(tracer: &'a Tracer<'a>, coverage: &'a Coverage, options: &Options) -> Self {
+    fn new(tracer: &'a Tracer<'a>, coverage: &'a Coverage, options: &Options, keep: bool) -> Self {
         let rays = options.rays;
         Shooter {
             tracer,
             coverage,
             rays: rays as usize,
-            keep: options.shares(coverage.texels.len()),
+            keep,
             far: FAR * tracer.reach(),
             table: PointTable::new(rays as usize, 0x7261_7973).by_direction(),
             again: PointTable::new(rays as usize, 0x6167_6169),

@@ -42,7 +42,7 @@ pub fn parts(scene: &Scene, options: &Options) -> Parts {
 /// tell their error. `rays` a row and a shadow, reflectance up to .9999.
 pub fn options(rays: u32) -> Options {
     Options {
-        transport: transport::Options { rays, reuse: false },
+        transport: transport::Options { reuse: false, ..transport::Options::of(rays) },
         shadow_rays: rays,
         max_reflectance: 0.9999,
         ..Options::default()

@@ -15,7 +15,11 @@ use common::{
     stage::{Chart, Stage, Surface},
 };
 use glam::{DAffine3, DVec3, UVec2, Vec2, Vec3, uvec2, vec3};
-use luxel::{bake::Options, scene::LightKind, transport};
+use luxel::{
+    bake::Options,
+    scene::LightKind,
+    transport::{self, Receivers},
+};
 
 /// Every texel reads `expected` to 1e-3.
 fn reads(shot: &Shot, expected: f64) {
@@ -23,14 +27,18 @@ fn reads(shot: &Shot, expected: f64) {
     assert!(off < 1e-3, "off by {off}");
 }
 
-/// Every texel by its own rays, then with those of its neighbours.
-fn both(rays: u32) -> [Options; 2] {
-    [false, true].map(|reuse| Options { transport: transport::Options { rays, reuse }, ..options(rays) })
+/// Every texel by its own rays, then with those of its neighbours; then the same with adaptive receivers.
+fn each(rays: u32) -> [Options; 4] {
+    let [all, adaptive] = Receivers::ALL;
+    [(all, false), (all, true), (adaptive, false), (adaptive, true)].map(|(receivers, reuse)| {
+        let transport = transport::Options { rays, reuse, receivers };
+        Options { transport, ..options(rays) }
+    })
 }
 
 /// Furnace of `build` with reflectance .8, exitance 1: E = 5 everywhere.
 fn furnace(rays: u32, build: impl Fn(&mut Stage, u32)) -> Shot {
-    let [alone, _] = both(rays).map(|options| {
+    let [alone, ..] = each(rays).map(|options| {
         let mut stage = Stage::new();
         let m = stage.material(0.8, 1.0);
         build(&mut stage, m);
@@ -89,7 +97,7 @@ fn failure_f32_accumulation() {
 #[test]
 fn failure_thin_wall_leak() {
     let walls = [0.1f32, 0.01, 0.001, 0.0];
-    for (t, options) in walls.into_iter().flat_map(|t| both(256).map(|options| (t, options))) {
+    for (t, options) in walls.into_iter().flat_map(|t| each(256).map(|options| (t, options))) {
         let mut stage = Stage::new();
         let white = stage.material(0.8, 0.0);
         let sheet = stage.rgb(Vec3::splat(0.8), Vec3::ZERO, true);

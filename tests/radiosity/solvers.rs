@@ -26,7 +26,7 @@ fn measured(seed: u32, rays: u32) -> Parts {
     let coverage = Coverage::new(&world, &atlas);
     let tracer = Tracer::new(world);
     let mut patches = Patches::new(&tracer.world, &coverage, 0.98);
-    let options = transport::Options { rays, reuse: false };
+    let options = transport::Options { reuse: false, ..transport::Options::of(rays) };
     let transport = Transport::measure(&tracer, &coverage, &mut patches, &options, &Silent).expect("rows");
     let sources = Sources::new(&tracer, &patches);
     let direct = Direct::measure(&tracer, &coverage, &patches, &sources, 8, &Silent).expect("direct light");

@@ -27,7 +27,7 @@ pub struct Gather {
 /// `batch`: the rays of `coverage`, `rays` a texel.
 pub fn measure(tracer: &Tracer, coverage: &Coverage, batch: &[Ray], rays: u32, rounds: usize) -> Gather {
     let fronts = Patches::new(&tracer.world, coverage, 0.98);
-    let options = Options { rays, reuse: false };
+    let options = Options { reuse: false, ..Options::of(rays) };
     let (mut bare, mut gather) = (Vec::new(), Vec::new());
     for _ in 0..rounds {
         let start = process_seconds();

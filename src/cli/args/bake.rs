@@ -9,6 +9,7 @@ use luxel::{
     atlas::{PAGE_EDGES, Unwrap},
     lightmaps::Content,
     radiosity::Solver,
+    transport::Receivers,
 };
 use std::{path::PathBuf, time::Duration};
 
@@ -131,6 +132,12 @@ pub struct Bake {
     #[arg(long, value_name = "NAME", help_heading = "Method", default_value = Solver::default().name(),
           value_parser = named(Solver::ALL, Solver::name))]
     pub solver: Solver,
+
+    /// Texels at which indirect light is measured: all, or those near other surfaces, at corners and where the surface
+    /// bends; between them it is interpolated. Direct light is measured at all texels in any case
+    #[arg(long, value_name = "NAME", help_heading = "Method", default_value = Receivers::default().name(),
+          value_parser = named(Receivers::ALL, Receivers::name))]
+    pub receivers: Receivers,
 
     /// Each texel uses its own rays only, not those of its neighbours
     #[arg(long, help_heading = "Method")]

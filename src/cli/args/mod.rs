@@ -52,6 +52,7 @@ mod tests {
         atlas::{PAGE_EDGES, Unwrap},
         lightmaps::Content,
         radiosity::Solver,
+        transport::Receivers,
     };
 
     fn parse(options: &[&str]) -> Result<Bake, clap::Error> {
@@ -69,7 +70,8 @@ mod tests {
     #[test]
     fn defaults_are_those_of_the_library() {
         let (bake, options) = (parse(&[]).unwrap(), luxel::bake::Options::default());
-        assert_eq!((bake.rays, !bake.no_reuse), (None, options.transport.reuse));
+        let transport = options.transport;
+        assert_eq!((bake.rays, !bake.no_reuse, bake.receivers), (None, transport.reuse, transport.receivers));
         assert_eq!(bake.max_reflectance, options.max_reflectance);
         assert_eq!((bake.solver, bake.bounces), (options.radiosity.solver, options.radiosity.bounces));
         assert_eq!(bake.content, options.content);
@@ -104,6 +106,7 @@ mod tests {
             &["--bounces", "all"],
             &["--solver", "magic"],
             &["--solver", "Jacobi"],
+            &["--receivers", "few"],
             &["--solver", ""],
             &["--error", "0"],
             &["--error", "2%", "--rays", "4"],
@@ -122,6 +125,9 @@ mod tests {
     fn every_member_of_a_set_has_a_name() {
         for solver in Solver::ALL {
             assert_eq!(parse(&["--solver", solver.name()]).unwrap().solver, solver);
+        }
+        for receivers in Receivers::ALL {
+            assert_eq!(parse(&["--receivers", receivers.name()]).unwrap().receivers, receivers);
         }
         for content in Content::ALL {
             assert_eq!(parse(&["--content", content.name()]).unwrap().content, content);

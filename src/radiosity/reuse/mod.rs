@@ -38,46 +38,66 @@ pub(super) struct Gather<'a> {
 }
 
 impl Gather<'_> {
-    /// Replaces the irradiance of fronts by what their neighbours' rays make of it.
+    /// Replaces the irradiance of receivers that are fronts by what their neighbours' rays make of it.
     pub fn run(&self, irradiance: &mut [Vec3], observer: &dyn Observer) -> Result<()> {
-        let rows = |page: usize| (0..self.coverage.sizes[page].y.div_ceil(TILE)).map(move |y| (page, y));
-        let strips: Vec<(usize, u32)> = (0..self.coverage.sizes.len()).flat_map(rows).collect();
+        let mut strides: Vec<u32> = (0..self.transport.eyes.len()).map(|r| self.transport.stride(r)).collect();
+        strides.sort_unstable();
+        strides.dedup();
+        let rows = |stride: u32, page: usize| {
+            let count = self.coverage.sizes[page].y.div_ceil(TILE * stride);
+            (0..count).map(move |y| (stride, page, y))
+        };
+        let pages = 0..self.coverage.sizes.len();
+        let strips = strides.into_iter().flat_map(|stride| pages.clone().flat_map(move |page| rows(stride, page)));
+        let strips: Vec<(u32, usize, u32)> = strips.collect();
         let level = Level::best();
         observer.begin("reuse", strips.len() as u64);
         let own = &*irradiance;
-        let strip = |&(page, y): &(usize, u32)| {
-            let tiles = 0..self.coverage.sizes[page].x.div_ceil(TILE);
-            let tiles =
-                tiles.filter(|_| !observer.cancelled()).map(|x| self.tile(page, UVec2::new(x, y) * TILE, own, level));
+        let strip = |&(stride, page, y): &(u32, usize, u32)| {
+            let tiles = 0..self.coverage.sizes[page].x.div_ceil(TILE * stride);
+            let tiles = tiles
+                .filter(|_| !observer.cancelled())
+                .map(|x| self.tile(page, UVec2::new(x, y) * TILE * stride, stride, own, level));
             let found = tiles.flatten().collect();
             observer.advance(1);
             found
         };
         let found: Vec<Vec<(u32, Vec3)>> = strips.par_iter().map(strip).collect();
         check(observer)?;
-        found.iter().flatten().for_each(|&(texel, e)| irradiance[texel as usize] = e);
+        found.iter().flatten().for_each(|&(receiver, e)| irradiance[receiver as usize] = e);
         Ok(())
     }
 
-    /// New values of the texels of the tile that begins at `first`.
-    fn tile(&self, page: usize, first: UVec2, own: &[Vec3], level: Level) -> Vec<(u32, Vec3)> {
-        let inner = self.texels(page, first, first + TILE);
-        let mut left = self.texels(page, first.saturating_sub(UVec2::splat(MARGIN)), first + TILE + MARGIN);
+    /// New values of the receivers of this stride in the tile that begins at `first`.
+    fn tile(&self, page: usize, first: UVec2, stride: u32, own: &[Vec3], level: Level) -> Vec<(u32, Vec3)> {
+        let end = first + TILE * stride;
+        let mut inner = self.receivers(page, first, end, 1);
+        inner.retain(|&r| self.transport.stride(r as usize) == stride);
+        if inner.is_empty() {
+            return Vec::new();
+        }
+        let margin = MARGIN * stride;
+        let mut left = self.receivers(page, first.saturating_sub(UVec2::splat(margin)), end + margin, stride);
+        if stride > 1 {
+            left.extend(&inner);
+            left.sort_unstable();
+            left.dedup();
+        }
         let mut found = Vec::with_capacity(inner.len());
-        while let Some(&leader) = left.iter().find(|t| inner.contains(t)) {
-            let members = self.around(leader, &left);
+        while let Some(&leader) = left.iter().find(|r| inner.contains(r)) {
+            let members = self.around(leader, &left, stride);
             let values = Pool::new(self, &members).shared(level);
-            let done = members.into_iter().zip(values).filter_map(|(t, value)| Some((t, value?)));
+            let done = members.into_iter().zip(values).filter_map(|(r, value)| Some((r, value?)));
             let mut done: Vec<(u32, Vec3)> = done.collect();
             self.straighten(&mut done, own);
-            for (texel, value) in done {
-                left.retain(|&t| t != texel);
-                if inner.contains(&texel) {
-                    found.push((texel, value));
+            for (receiver, value) in done {
+                left.retain(|&r| r != receiver);
+                if inner.contains(&receiver) {
+                    found.push((receiver, value));
                 }
             }
             // Whoever does not share in its own pool keeps to its own rays.
-            left.retain(|&t| t != leader);
+            left.retain(|&r| r != leader);
         }
         found
     }
@@ -86,8 +106,8 @@ impl Gather<'_> {
     fn straighten(&self, done: &mut [(u32, Vec3)], own: &[Vec3]) {
         let Some(&(first, _)) = done.first() else { return };
         let axes = Frame::around(self.transport.eyes[first as usize].normal);
-        let at = |t: u32| axes.flat(self.transport.eyes[t as usize].position);
-        let sample = |&(t, shared): &(u32, Vec3)| Sample { at: at(t), own: own[t as usize], shared };
+        let at = |r: u32| axes.flat(self.transport.eyes[r as usize].position);
+        let sample = |&(r, shared): &(u32, Vec3)| Sample { at: at(r), own: own[r as usize], shared };
         let samples: Vec<Sample> = done.iter().map(sample).collect();
         if let Some(trend) = trend::of(&samples) {
             for ((_, value), s) in done.iter_mut().zip(&samples) {
@@ -96,37 +116,45 @@ impl Gather<'_> {
         }
     }
 
-    /// Texels of a rectangle of the page that have rays.
-    fn texels(&self, page: usize, low: UVec2, high: UVec2) -> Vec<u32> {
+    /// Receivers in a rectangle of the page that have rays, at every `step`-th column and row of the page.
+    fn receivers(&self, page: usize, low: UVec2, high: UVec2, step: u32) -> Vec<u32> {
         let (grid, size) = (&self.coverage.grids[page], self.coverage.sizes[page]);
         let high = high.min(size);
-        let cells = (low.y..high.y).flat_map(|y| (low.x..high.x).map(move |x| y * size.x + x));
+        let columns = move || (low.x.next_multiple_of(step)..high.x).step_by(step as usize);
+        let rows = (low.y.next_multiple_of(step)..high.y).step_by(step as usize);
+        let cells = rows.flat_map(|y| columns().map(move |x| y * size.x + x));
         let texels = cells.map(|cell| grid[cell as usize]);
-        texels.filter(|&t| t != NO_TEXEL && !self.patches.buried[t as usize]).collect()
+        let open = texels.filter(|&t| t != NO_TEXEL && !self.patches.buried[t as usize]);
+        open.filter_map(|t| self.transport.receiver_at(t)).map(|r| r as u32).collect()
     }
 
     /// Those that lie on the same smooth surface as the leader, with nothing standing between.
-    fn around(&self, leader: u32, texels: &[u32]) -> Vec<u32> {
-        let some = texels.iter().copied().filter(|&t| self.continues(leader, t));
-        let above = |t: u32| {
-            let eye = &self.transport.eyes[t as usize];
-            eye.position + eye.normal * (LIFT * self.patches.area[t as usize].sqrt())
+    fn around(&self, leader: u32, receivers: &[u32], stride: u32) -> Vec<u32> {
+        let some = receivers.iter().copied().filter(|&r| self.continues(leader, r, stride));
+        let above = |r: u32| {
+            let eye = &self.transport.eyes[r as usize];
+            eye.position + eye.normal * (LIFT * self.size(r))
         };
         let origin = above(leader);
         let (some, ways): (Vec<u32>, Vec<Segment>) =
-            some.map(|t| (t, Segment { origin, direction: above(t) - origin, t: 1.0, from: NOWHERE })).unzip();
+            some.map(|r| (r, Segment { origin, direction: above(r) - origin, t: 1.0, from: NOWHERE })).unzip();
         let mut through = vec![Vec3::ZERO; ways.len()];
         self.tracer.transmittance_of_each(&ways, &mut through);
-        let joined = some.into_iter().zip(through).filter(|&(t, way)| t == leader || luminance(way) > 0.5);
-        joined.map(|(t, _)| t).collect()
+        let joined = some.into_iter().zip(through).filter(|&(r, way)| r == leader || luminance(way) > 0.5);
+        joined.map(|(r, _)| r).collect()
     }
 
-    /// True if the surface goes on smoothly from one texel to the other.
-    fn continues(&self, a: u32, b: u32) -> bool {
+    /// True if the surface goes on smoothly from one receiver to the other.
+    fn continues(&self, a: u32, b: u32, stride: u32) -> bool {
         let (p, q) = (&self.transport.eyes[a as usize], &self.transport.eyes[b as usize]);
-        let area = self.patches.area[a as usize].max(self.patches.area[b as usize]);
+        let size = self.size(a).max(self.size(b));
         // Texels of other charts may lie beside it on the page; half as far again allows for stretched ones.
-        let apart = 1.5 * std::f32::consts::SQRT_2 * (TILE + MARGIN) as f32 * area.sqrt();
+        let apart = 1.5 * std::f32::consts::SQRT_2 * ((TILE + MARGIN) * stride) as f32 * size;
         a == b || continues([p.position, p.normal], [q.position, q.normal], apart)
+    }
+
+    /// Edge of a receiver's texel, metres.
+    fn size(&self, receiver: u32) -> f32 {
+        self.patches.area[self.transport.receivers[receiver as usize] as usize].sqrt()
     }
 }

@@ -51,12 +51,12 @@ struct Ends {
 const ZERO: Eight = Eight([0.0; LANES]);
 
 impl Pool {
-    /// Collects the rays of `texels`.
-    pub fn new(gather: &Gather, texels: &[u32]) -> Self {
-        let mut pool = Pool { members: Vec::with_capacity(texels.len()), ends: Vec::new() };
-        for &texel in texels {
-            let eye = gather.transport.eyes[texel as usize];
-            let ends = gather.transport.rows.ends(texel as usize);
+    /// Collects the rays of `receivers`.
+    pub fn new(gather: &Gather, receivers: &[u32]) -> Self {
+        let mut pool = Pool { members: Vec::with_capacity(receivers.len()), ends: Vec::new() };
+        for &receiver in receivers {
+            let eye = gather.transport.eyes[receiver as usize];
+            let ends = gather.transport.rows.ends(receiver as usize);
             let begin = pool.ends.len();
             let eights = ends.columns.chunks(LANES).zip(ends.spots.chunks(LANES));
             pool.ends.extend(eights.map(|(columns, spots)| Ends::new(gather, &eye, columns, spots)));
