@@ -79,11 +79,11 @@ fn every_solver_works_with_every_effort() {
         let efforts = [
             "--rays 16",
             "--rays 16 --no-reuse",
-            "--rays 16 --receivers adaptive",
+            "--rays 16 --receivers auto",
             "--rays 4 --bounces 1",
             "--quality preview",
         ];
-        let refused = |effort: &str| solver == "conjugate-gradient" && effort.contains("adaptive");
+        let refused = |effort: &str| solver == "conjugate-gradient" && effort.contains("auto");
         for effort in efforts.into_iter().filter(|effort| !refused(effort)) {
             let options = format!("--resolution 32 {effort} --solver {solver} --report - --quiet");
             let said = folder.luxel(&format!("bake room.gltf -o a.glb {options}"));
@@ -98,7 +98,7 @@ fn every_solver_works_with_every_effort() {
 #[test]
 fn conjugate_gradients_with_adaptive_receivers_are_wrong_usage() {
     let folder = Folder::new();
-    let options = "--resolution 32 --rays 4 --solver conjugate-gradient --receivers adaptive";
+    let options = "--resolution 32 --rays 4 --solver conjugate-gradient --receivers auto";
     let said = folder.luxel(&format!("bake room.gltf {options}"));
     assert_eq!(said.code, 2, "{}", said.err);
     for part in ["--solver conjugate-gradient", "no symmetric form", "use --solver anderson"] {
@@ -131,7 +131,7 @@ fn receivers_are_reported() {
     let count = |report: &Value, what: &str| report[what].as_u64().unwrap();
     let all = report("--resolution 256 --receivers all");
     assert_eq!(count(&all, "receivers"), count(&all, "patches"));
-    let some = report("--resolution 256 --receivers adaptive");
+    let some = report("--resolution 256 --receivers auto");
     assert!(count(&some, "receivers") * 2 < count(&some, "patches"), "{some:#}");
     assert!(count(&some, "matrix_bytes") * 2 < count(&all, "matrix_bytes"));
     let said = folder.luxel("bake room.gltf --receivers few");

@@ -77,7 +77,7 @@ impl Measured {
 }
 
 fn adaptive(rays: u32) -> transport::Options {
-    transport::Options { receivers: Receivers::Adaptive, ..transport::Options::of(rays) }
+    transport::Options { receivers: Receivers::Auto, ..transport::Options::of(rays) }
 }
 
 fn shoot_adaptive(stage: Stage, rays: u32) -> Shot {

@@ -101,7 +101,7 @@ fn adaptive_receivers_keep_the_bounds() {
     let scenes = [("cornell", [0.011, 0.022, 0.0135]), ("furnished", [0.02, 0.035, 0.03]), ("window", [0.05; 3])];
     for (name, bounds) in scenes {
         let (scene, truth) = read(name);
-        let transport = transport::Options { receivers: Receivers::Adaptive, ..transport::Options::of(RAYS / 4) };
+        let transport = transport::Options { receivers: Receivers::Auto, ..transport::Options::of(RAYS / 4) };
         let baked = bake_with(&scene, &truth, Unwrap::Keep, bake::Options { transport, ..bake::Options::default() });
         println!("{name}: {} receivers, {} texels", baked.report.receivers, baked.report.texels);
         assert!(name != "cornell" || baked.report.receivers * 2 < baked.report.texels);

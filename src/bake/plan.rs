@@ -47,7 +47,7 @@ fn bytes_a_texel(options: &Options, texels: u64) -> u64 {
     BYTES_A_TEXEL
         + match options.transport.receivers {
             Receivers::All => options.transport.bytes_of_rows(texels as usize) / texels.max(1),
-            Receivers::Adaptive => BYTES_OF_WEIGHTS,
+            Receivers::Auto => BYTES_OF_WEIGHTS,
         }
 }
 
@@ -87,7 +87,7 @@ pub(super) fn announce(
     let size = format!("{texels} texels on {pages} page(s)");
     let effort = match options.transport.receivers {
         Receivers::All => format!("{rays} rays, up to {need_mb} MB"),
-        Receivers::Adaptive => format!("up to {rays} rays, {need_mb} MB and the receivers' rows"),
+        Receivers::Auto => format!("up to {rays} rays, {need_mb} MB and the receivers' rows"),
     };
     observer.plan(&format!("{size}, {effort} of {free_mb} MB free{beside}"));
     memory::fits(need_mb, free_mb, REMEDY)

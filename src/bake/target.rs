@@ -85,8 +85,8 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
             break lit;
         }
         let more = with_rays(options, next);
-        // Adaptive receivers grow with the root of their rays, which grow fourfold at most.
-        let receivers = (2 * lit.transport.receivers.len()).min(ground.coverage.texels.len());
+        // Squares of adaptive receivers halve where rays grow fourfold, if not more.
+        let receivers = (4 * lit.transport.receivers.len()).min(ground.coverage.texels.len());
         let rows = memory::fits(more.transport.bytes_of_rows(receivers) >> 20, memory::free_mb(), "");
         match plan::announce(scene, &ground.atlas, &ground.coverage, &more, observer).and(rows) {
             Err(Error::Memory { .. }) => break lit,

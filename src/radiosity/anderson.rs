@@ -6,20 +6,21 @@ use super::{
     Method, System,
     channels::{add, difference, dot},
 };
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::collections::VecDeque;
 
-/// Directions kept, at 48 bytes a receiver. Measured: fewer need more steps, more hardly fewer.
+/// Directions kept, at 24 bytes a receiver. Measured: fewer need more steps, more hardly fewer.
 const DEPTH: usize = 6;
 
 /// Held for each unknown.
-pub const BYTES: u64 = (2 * DEPTH as u64 + 5) * size_of::<DVec3>() as u64;
+pub const BYTES: u64 = (2 * DEPTH * size_of::<Vec3>() + 5 * size_of::<DVec3>()) as u64;
 
 #[derive(Default)]
 pub(super) struct Anderson {
-    /// Steps, and what each took off the residual; the latter are orthonormal, by channel.
-    steps: VecDeque<[Vec<DVec3>; 2]>,
+    /// Steps, and what each took off the residual; the latter are orthonormal, by channel. In single precision: what that
+    /// rounds, the next look finds in the residual.
+    steps: VecDeque<[Vec<Vec3>; 2]>,
     /// The last step, and the residual before it.
     last: Option<[Vec<DVec3>; 2]>,
 }
@@ -59,7 +60,6 @@ impl Anderson {
         let square = dot(&image, &image);
         // What rounding left is no direction.
         let scale = DVec3::select(square.cmpgt(all * 1e-20), 1.0 / square.map(f64::sqrt), DVec3::ZERO);
-        [&mut step, &mut image].into_iter().for_each(|v| v.par_iter_mut().for_each(|v| *v *= scale));
-        self.steps.push_back([step, image]);
+        self.steps.push_back([step, image].map(|v| v.par_iter().map(|v| (*v * scale).as_vec3()).collect()));
     }
 }

@@ -125,6 +125,8 @@ impl Radiosity {
         let mut at_patches = vec![DVec3::ZERO; transport.patches];
         transport.interpolate(&at_receivers, &mut at_patches);
         self.indirect = single(&at_patches);
+        // What was sampled at the receivers and taken off again may leave a little less than nothing.
+        self.indirect.iter_mut().for_each(|e| *e = e.max(Vec3::ZERO));
         self.indirect.iter_mut().zip(extra).for_each(|(e, extra)| *e += *extra);
     }
 }

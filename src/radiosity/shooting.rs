@@ -1,7 +1,7 @@
 //! Shooting (Southwell's relaxation; progressive refinement of Cohen, Chen, Wallace and Greenberg, 1988): what has been
 //! received and not yet sent on, the residual, is sent on by those who have most. Their ambient estimate of what is still
-//! under way goes first: each receiver's share of the same light everywhere, as much as leaves no power unshot on the whole. In order, so on
-//! one thread; takes the rows by column, which is as large as the rows.
+//! under way goes first: each receiver's share of the same light everywhere, as much as leaves no power unshot on the
+//! whole. In order, so on one thread; takes the rows by column, which is as large as the rows.
 
 use super::{
     Method, System,
@@ -89,6 +89,8 @@ impl Method for Shooting {
                 }
             }
         }
+        // The rest is kept where it arrived, too: black receivers have nothing to send, and are never chosen.
+        add(x, DVec3::ONE, &unshot);
         Some(touched)
     }
 }

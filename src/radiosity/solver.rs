@@ -78,7 +78,7 @@ impl Solver {
     pub fn bytes(self, unknowns: u64, entries: u64) -> u64 {
         match self {
             Solver::Shooting | Solver::ConjugateGradient => 4 * entries,
-            Solver::Direct => 8 * unknowns * unknowns,
+            Solver::Direct => 8 * unknowns.min(dense::MOST as u64).pow(2),
             Solver::Anderson => anderson::BYTES * unknowns,
             Solver::Chebyshev | Solver::Jacobi | Solver::GaussSeidel => 0,
         }

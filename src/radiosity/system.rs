@@ -139,11 +139,11 @@ impl<'t> System<'t> {
         (best, contraction, TERMS as u64 * self.entries())
     }
 
-    /// Irradiance of the patches for the solution `x`.
+    /// Irradiance of the patches for the solution `x`: at least 0, where an iterate overshoots.
     pub fn at_patches(&self, x: &[DVec3]) -> Vec<Vec3> {
         let mut out = vec![DVec3::ZERO; self.reflectance.len()];
         self.transport.interpolate(x, &mut out);
-        out.iter().map(|v| v.as_vec3()).collect()
+        out.iter().map(|v| v.max(DVec3::ZERO).as_vec3()).collect()
     }
 
     /// Mean luminance of the darker half of the patches' irradiance, or a hundredth of the mean of all, if larger: a black

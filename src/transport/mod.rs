@@ -55,18 +55,18 @@ pub enum Receivers {
     #[default]
     All,
     /// Where geometry is near, curved or creased; what lies between is interpolated.
-    Adaptive,
+    Auto,
 }
 
 impl Receivers {
     /// Everything there is to choose from.
-    pub const ALL: [Receivers; 2] = [Receivers::All, Receivers::Adaptive];
+    pub const ALL: [Receivers; 2] = [Receivers::All, Receivers::Auto];
 
     /// The name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Receivers::All => "all",
-            Receivers::Adaptive => "adaptive",
+            Receivers::Auto => "auto",
         }
     }
 }
@@ -168,7 +168,7 @@ impl Transport {
         let fronts = patches.fronts as u32;
         let (mut receivers, strides, mut interpolation) = match options.receivers {
             Receivers::All => ((0..fronts).collect(), Vec::new(), Interpolation::Identity),
-            Receivers::Adaptive => {
+            Receivers::Auto => {
                 let chosen = adaptive::choose(tracer, coverage, options.rays, observer)?;
                 // Until now nobody knew how many there are.
                 memory::fits(options.bytes_of_rows(chosen.texels.len()) >> 20, memory::free_mb(), REMEDY)?;

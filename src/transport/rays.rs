@@ -4,7 +4,7 @@
 //! box stands for its open part. A texel enclosed altogether keeps its row and is marked.
 
 use super::{
-    Eye, Options, Stats,
+    Eye, Options, REMEDY, Stats,
     receiver::Receiver,
     rows::{BLOCK, Block, DARK, Rows},
 };
@@ -12,6 +12,7 @@ use crate::{
     atlas::Coverage,
     error,
     math::{CELLS, Point, PointTable, cell_of},
+    memory,
     patches::{Enclosure, Patches, Seen, SurfacePoint, seen},
     progress::{Observer, check},
     trace::{Hit, Ray, Tracer},
@@ -77,6 +78,8 @@ pub(super) fn measure(
         patches.add_backs(&wave);
         back = true;
         if !wave.is_empty() {
+            // Nobody knew how many backs would be met.
+            memory::fits((4 * u64::from(options.rays) * wave.len() as u64) >> 20, memory::free_mb(), REMEDY)?;
             observer.begin("transport: backs", wave.len() as u64);
         }
     }

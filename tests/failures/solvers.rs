@@ -80,7 +80,7 @@ fn every_solver_thin_wall_leak() {
 #[test]
 fn every_solver_serves_neighbours() {
     for solver in Solver::ALL {
-        let refused = |o: &Options| solver == Solver::ConjugateGradient && o.transport.receivers == Receivers::Adaptive;
+        let refused = |o: &Options| solver == Solver::ConjugateGradient && o.transport.receivers == Receivers::Auto;
         for options in each(16).into_iter().filter(|o| !refused(o)) {
             let mut stage = Stage::new();
             furnace(0.8)(&mut stage);

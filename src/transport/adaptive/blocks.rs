@@ -73,6 +73,17 @@ impl Blocks {
         all.sort_by_key(|b| std::cmp::Reverse(b.level));
         Blocks { all }
     }
+
+    /// Of each texel the edge of the largest square of which it is a corner, in texels; 1 if of none.
+    pub fn sides(&self, coverage: &Coverage) -> Vec<u8> {
+        let mut sides = vec![1; coverage.texels.len()];
+        for block in self.all.iter().rev() {
+            for t in block.corners().into_iter().filter_map(|at| coverage.texel(block.page, at.as_ivec2())) {
+                sides[t as usize] = block.side() as u8;
+            }
+        }
+        sides
+    }
 }
 
 struct Judge<'a> {

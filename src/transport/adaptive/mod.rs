@@ -48,6 +48,8 @@ pub(super) fn choose(tracer: &Tracer, coverage: &Coverage, rays: u32, observer: 
     let variation = VARIATION * libm::powf(RAYS / rays as f32, 0.25);
     let blocks = Blocks::new(tracer, coverage, &glances, variation);
     let (texels, interpolation) = spread::from(&blocks, coverage);
-    let strides = texels.iter().map(|&t| glances[t as usize].stride(SHARED_VARIATION)).collect();
+    let sides = blocks.sides(coverage);
+    let stride = |t: usize| glances[t].stride(SHARED_VARIATION).min(sides[t]);
+    let strides = texels.iter().map(|&t| stride(t as usize)).collect();
     Ok(Chosen { texels, strides, interpolation })
 }
