@@ -110,6 +110,15 @@ fn the_default_touches_an_eighth_of_what_jacobi_touches() {
     }
 }
 
+/// A black receiver has nothing to send on, but its light counts.
+#[test]
+fn shooting_needs_nobody_where_receivers_are_black() {
+    let mut parts = closed(64);
+    paint(&mut parts, 0.9, 0.0);
+    let report = solve(&parts.system(), Solver::Shooting, TOLERANCE).report;
+    assert!(report.converged && report.fallback.is_none(), "{report:?}");
+}
+
 /// `asymmetric_matrix_cg` of the failure scenes: a right-angled prism by crossed strings, one row off by a twentieth, with
 /// a black face and without.
 #[test]
