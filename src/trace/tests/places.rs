@@ -55,7 +55,7 @@ fn ray(world: &World, k: u32) -> Ray {
         _ => (here[0] + here[1] + here[2]) / 3.0 + normal * rounding(&here),
     };
     let d = if k % 4 == 2 { direction(hash(k, 3)) } else { (there[0] - origin).normalize() };
-    Ray { origin, direction: d, key: k, from: if k % 4 == 0 { aim } else { NOWHERE } }
+    Ray { origin, direction: d, key: k, from: if k.is_multiple_of(4) { aim } else { NOWHERE } }
 }
 
 fn bits(hit: &Option<Hit>) -> Option<(u32, u32, [u32; 2], bool)> {
