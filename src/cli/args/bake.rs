@@ -81,7 +81,7 @@ pub struct Bake {
           conflicts_with_all = ["rays", "bounces"])]
     pub quality: Option<Quality>,
 
-    /// Rays a texel for indirect light, 1 to 65536, instead of an error to reach. Up to 64, and up to 2^26 in all,
+    /// Rays a texel for indirect light, 1 to 65536, instead of an error to reach. Up to 64, or up to 2^26 in all,
     /// neighbours use each other's rays, which is worth four to eight times as many [with --bounces: 64]
     #[arg(long, value_name = "N", help_heading = "Effort",
           value_parser = RangedU64ValueParser::<u32>::new().range(1..=65536), allow_negative_numbers = true)]
@@ -127,8 +127,8 @@ pub struct Bake {
     pub content: Content,
 
     /// Who solves for the light of all bounces; the result is the same within the error bound. direct takes at most 4096
-    /// texels, with the backs that rays meet; conjugate-gradient wants light to be received at every texel; with --bounces
-    /// there is nothing to solve
+    /// receivers, with the backs that rays meet; conjugate-gradient refuses --receivers auto; with --bounces there is
+    /// nothing to solve
     #[arg(long, value_name = "NAME", help_heading = "Method", default_value = Solver::default().name(),
           value_parser = named(Solver::ALL, Solver::name))]
     pub solver: Solver,
