@@ -8,7 +8,7 @@
 //! often the intervals hold the true error, which is that of all texels by many more paths, and exits 1 below nine in ten.
 
 #[path = "../tests/common"]
-#[allow(dead_code)] // nothing uses all of them
+#[allow(dead_code, reason = "nothing uses all of them")]
 mod common {
     pub mod npz;
     pub mod rooms;

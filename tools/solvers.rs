@@ -8,7 +8,7 @@
 //! the mean of the darker half; the truth is the dense solution, or the default solver's at a tolerance of 1e-9.
 
 #[path = "../tests/common"]
-#[allow(dead_code)] // the solvers need scenes only
+#[allow(dead_code, reason = "the solvers need scenes only")]
 mod common {
     pub mod npz;
     pub mod score;

@@ -137,7 +137,7 @@ pub fn continues([p, n]: [Vec3; 2], [q, m]: [Vec3; 2], apart: f32) -> bool {
 }
 
 /// Cosine between the normals of one smooth surface, at least.
-const SMOOTH: f32 = 0.9;
+pub const SMOOTH: f32 = 0.9;
 /// Slope of the way between two places of one smooth surface, at most.
 const SLOPE: f32 = 0.3;
 

@@ -6,6 +6,7 @@
 //! they receive with convex weights.
 
 mod adaptive;
+mod draft;
 mod rays;
 mod receiver;
 mod rows;

@@ -5,6 +5,7 @@
 
 use super::{
     Eye, Options, REMEDY, Stats,
+    draft::{Behind, Draft},
     receiver::Receiver,
     rows::{BLOCK, Block, DARK, Rows},
 };
@@ -131,13 +132,6 @@ struct End {
     spot: Vec3,
 }
 
-/// The end of a ray whose point may be enclosed.
-struct Behind {
-    place: Vec2,
-    seen: Seen,
-    spot: Vec3,
-}
-
 /// Receivers whose rows are measured.
 #[derive(Default)]
 struct Done {
@@ -152,23 +146,7 @@ struct Done {
 #[derive(Default)]
 struct Desk<'a> {
     receivers: Vec<Receiver<'a>>,
-    rows: Vec<Row>,
-}
-
-/// What the rays of a row have met.
-#[derive(Default)]
-struct Row {
-    /// One for each ray that counts.
-    columns: Vec<u32>,
-    /// In step with `columns`, if kept.
-    spots: Vec<Vec3>,
-    /// Sum of the places where the rays that count begin, if kept.
-    origins: Vec3,
-    /// Rays whose points may be enclosed.
-    behind: Vec<Behind>,
-    /// Points found enclosed, and open though they met a back.
-    enclosed: usize,
-    open: usize,
+    rows: Vec<Draft>,
 }
 
 impl<'a> Shooter<'a> {
@@ -277,7 +255,7 @@ impl<'a> Shooter<'a> {
     }
 
     /// Decides about the points that may be enclosed, and shoots more rays for those that are.
-    fn complete(&self, receiver: &Receiver, row: &mut Row, done: &mut Done) {
+    fn complete(&self, receiver: &Receiver, row: &mut Draft, done: &mut Done) {
         // Few rays may all meet the backs of sheets: then one of their points is looked at.
         let some = if self.rays < FEW { &row.behind[..row.behind.len().min(1)] } else { &[] };
         let enclosed_all = row.behind.len() == self.rays && self.holds(receiver, some, &mut 0).iter().all(|e| *e);
@@ -316,7 +294,7 @@ impl<'a> Shooter<'a> {
     }
 
     /// Settles what is left of rays that met backs.
-    fn decide(&self, receiver: &Receiver, row: &mut Row, enclosed_all: bool, stats: &mut Stats) {
+    fn decide(&self, receiver: &Receiver, row: &mut Draft, enclosed_all: bool, stats: &mut Stats) {
         let behind = std::mem::take(&mut row.behind);
         // Where backs are those of sheets, the first few points say so; a box hides nearly all that meet backs.
         let few = if enclosed_all { 0 } else { behind.len().min(TRUST.saturating_sub(row.open)) };
@@ -374,49 +352,14 @@ impl<'a> Shooter<'a> {
 
 impl<'a> Desk<'a> {
     /// The receivers at `texels`, and a row for each that has met nothing yet.
-    fn clear(&mut self, shooter: &'a Shooter, texels: &[u32], back: bool) -> (&[Receiver<'a>], &mut [Row]) {
+    fn clear(&mut self, shooter: &'a Shooter, texels: &[u32], back: bool) -> (&[Receiver<'a>], &mut [Draft]) {
         let receiver = || Receiver::new(shooter.tracer, shooter.coverage);
         self.receivers.resize_with(self.receivers.len().max(texels.len()), receiver);
-        self.rows.resize_with(self.receivers.len(), Row::default);
+        self.rows.resize_with(self.receivers.len(), Draft::default);
         let (receivers, rows) = (&mut self.receivers[..texels.len()], &mut self.rows[..texels.len()]);
         receivers.iter_mut().zip(texels).for_each(|(r, &texel)| r.set(texel, back, &shooter.table));
-        rows.iter_mut().for_each(Row::clear);
+        rows.iter_mut().for_each(Draft::clear);
         (receivers, rows)
-    }
-}
-
-impl Row {
-    fn clear(&mut self) {
-        self.columns.clear();
-        self.spots.clear();
-        self.behind.clear();
-        (self.origins, self.enclosed, self.open) = (Vec3::ZERO, 0, 0);
-    }
-
-    /// Keeps where a ray that counts began and ended.
-    #[inline(always)]
-    fn see(&mut self, origin: Vec3, spot: Vec3) {
-        self.origins += origin;
-        self.spots.push(spot);
-    }
-
-    /// Appends it to a block: patches, cells of the sky, what does not shine.
-    fn push_to(&self, block: &mut Block) {
-        let rank = |c: u32| (c >> 31) as usize + usize::from(c == DARK);
-        let mut counts = [0; 3];
-        self.columns.iter().for_each(|&c| counts[rank(c)] += 1);
-        let lit = counts[0] + counts[1];
-        let mut next = [0, counts[0], lit];
-        let (mut columns, mut spots) = (vec![0; self.columns.len()], vec![Vec3::ZERO; self.spots.len()]);
-        for (k, &c) in self.columns.iter().enumerate() {
-            let to = &mut next[rank(c)];
-            columns[*to] = c;
-            if let Some(&spot) = self.spots.get(k) {
-                spots[*to] = spot;
-            }
-            *to += 1;
-        }
-        block.push(&columns, lit, 1.0 / self.columns.len().max(1) as f32, &spots);
     }
 }
 

@@ -5,7 +5,7 @@ mod figures;
 mod paths;
 
 #[path = "../common"]
-#[allow(dead_code)] // nothing uses all of them
+#[allow(dead_code, reason = "nothing uses all of them")]
 mod common {
     pub mod exact;
     pub mod npz;

@@ -124,8 +124,8 @@ impl Judge<'_> {
             near = near.max(g.near);
             least = least.min(g.normal.dot(normal));
             let astray = g.center.distance_squared(expected) > ASTRAY * ASTRAY * pitch * pitch;
-            let varies = edge * near + bend(least) <= self.variation;
-            if astray || !varies {
+            let varies = edge * near + bend(least) > self.variation;
+            if astray || varies {
                 return false;
             }
         }

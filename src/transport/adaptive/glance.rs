@@ -4,7 +4,7 @@ use super::LEVELS;
 use crate::{
     atlas::Coverage,
     math::{PointTable, hash, unit_float},
-    patches::{Enclosure, Footprint, SurfacePoint},
+    patches::{Enclosure, Footprint, SMOOTH, SurfacePoint},
     progress::Observer,
     trace::{Hit, Ray, Tracer},
 };
@@ -17,8 +17,6 @@ const RAYS: usize = 2;
 const NORMALS: usize = 4;
 /// Texels that are looked from together.
 const CHUNK: usize = 64;
-/// Cosine between the normals of one smooth surface, at least.
-const SMOOTH: f32 = 0.9;
 
 /// A texel and its surroundings.
 #[derive(Clone, Copy)]

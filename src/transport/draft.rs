@@ -1,0 +1,64 @@
+//! [`Draft`]: a row while it is measured.
+
+use super::rows::{Block, DARK};
+use crate::patches::Seen;
+use glam::{Vec2, Vec3};
+
+/// What the rays of a row have met.
+#[derive(Default)]
+pub(super) struct Draft {
+    /// One for each ray that counts.
+    pub columns: Vec<u32>,
+    /// In step with `columns`, if kept.
+    pub spots: Vec<Vec3>,
+    /// Sum of the places where the rays that count begin, if kept.
+    pub origins: Vec3,
+    /// Rays whose points may be enclosed.
+    pub behind: Vec<Behind>,
+    /// Points found enclosed, and open though they met a back.
+    pub enclosed: usize,
+    pub open: usize,
+}
+
+/// The end of a ray whose point may be enclosed.
+pub(super) struct Behind {
+    pub place: Vec2,
+    pub seen: Seen,
+    pub spot: Vec3,
+}
+
+impl Draft {
+    /// As if no ray had been shot; keeps the allocations.
+    pub fn clear(&mut self) {
+        self.columns.clear();
+        self.spots.clear();
+        self.behind.clear();
+        (self.origins, self.enclosed, self.open) = (Vec3::ZERO, 0, 0);
+    }
+
+    /// Keeps where a ray that counts began and ended.
+    #[inline(always)]
+    pub fn see(&mut self, origin: Vec3, spot: Vec3) {
+        self.origins += origin;
+        self.spots.push(spot);
+    }
+
+    /// Appends it to a block: patches, cells of the sky, what does not shine.
+    pub fn push_to(&self, block: &mut Block) {
+        let rank = |c: u32| (c >> 31) as usize + usize::from(c == DARK);
+        let mut counts = [0; 3];
+        self.columns.iter().for_each(|&c| counts[rank(c)] += 1);
+        let lit = counts[0] + counts[1];
+        let mut next = [0, counts[0], lit];
+        let (mut columns, mut spots) = (vec![0; self.columns.len()], vec![Vec3::ZERO; self.spots.len()]);
+        for (k, &c) in self.columns.iter().enumerate() {
+            let to = &mut next[rank(c)];
+            columns[*to] = c;
+            if let Some(&spot) = self.spots.get(k) {
+                spots[*to] = spot;
+            }
+            *to += 1;
+        }
+        block.push(&columns, lit, 1.0 / self.columns.len().max(1) as f32, &spots);
+    }
+}
