@@ -9,6 +9,8 @@ use glam::Vec3;
 
 /// Radiosity above this multiple of the mean is a peak.
 const PEAK: f32 = 2.0;
+/// Variance that the peaks give to what a ray meets, over the squared mean, below which they are left to the rows.
+const VARIANCE: f64 = 0.02;
 
 /// What is sampled.
 pub(super) struct Bright {
@@ -19,12 +21,14 @@ pub(super) struct Bright {
 }
 
 impl Bright {
-    /// `None` if no patch stands out.
+    /// `None` if no patch stands out, or what stands out is too little for rows to miss.
     pub fn new(patches: &Patches, direct: &Direct) -> Option<Self> {
         let reflected: Vec<Vec3> = (0..patches.len()).map(|i| patches.reflectance[i] * direct.total(i)).collect();
         let mean = mean_radiosity(patches, &reflected);
         let exitance: Vec<Vec3> = reflected.iter().map(|b| above(*b, PEAK * mean)).collect();
-        exitance.iter().any(|m| *m != Vec3::ZERO).then_some(Bright { exitance, mean })
+        let squares = exitance.iter().zip(&patches.area).map(|(m, a)| f64::from(luminance(*m)).powi(2) * f64::from(*a));
+        let variance = squares.sum::<f64>() / patches.area.iter().map(|a| f64::from(*a)).sum::<f64>();
+        (variance > VARIANCE * f64::from(mean).powi(2)).then_some(Bright { exitance, mean })
     }
 }
 
@@ -35,7 +39,7 @@ fn above(radiosity: Vec3, level: f32) -> Vec3 {
 }
 
 /// An estimate that needs no solution: what the lights put in is absorbed, as if the scene were closed.
-fn mean_radiosity(patches: &Patches, reflected: &[Vec3]) -> f32 {
+pub(super) fn mean_radiosity(patches: &Patches, reflected: &[Vec3]) -> f32 {
     let (mut light, mut absorbed) = (0.0, 0.0);
     for (i, b) in reflected.iter().enumerate() {
         let area = f64::from(patches.area[i] * patches.validity[i]);

@@ -2,6 +2,7 @@
 
 use super::{
     Direct, Sources,
+    bright::mean_radiosity,
     disc::Disc,
     emitters::{Sample, Stratum},
     punctual::{self, Aim},
@@ -14,7 +15,7 @@ use crate::{
     math::{Point, PointTable, hash, luminance, unit_float},
     patches::{Enclosure, Footprint, Patches, SurfacePoint},
     progress::{Observer, check},
-    scene::{Bake, LightKind},
+    scene::Bake,
     trace::Tracer,
 };
 use glam::{IVec2, UVec2, Vec2, Vec3};
@@ -22,20 +23,29 @@ use rayon::prelude::*;
 
 /// Texels that one task takes.
 const CHUNK: usize = 256;
-/// Points at which closed forms are averaged over the texel, and over one that lies so near that these differ.
+/// Points at which closed forms are averaged over the texel, and over one where these differ.
 const EXACT_POINTS: usize = 8;
 const NEAR_POINTS: usize = 64;
+/// Part of the noise that asks for more rays that may come from there.
+const NEAR_NOISE: f32 = 0.25;
 /// Blocks of points among which a partly enclosed texel looks for open ones.
 const BLOCKS: usize = 8;
 /// Times the shadow rays that texels get which no fit explains: edges.
 const MORE: u32 = 4;
-/// Blocks of points there for lamps, and for the sun and peaks of the sky, whose shadows have sharper edges yet.
-const LAMP_BLOCKS: usize = 4;
-const SUN_BLOCKS: usize = 16;
+/// And how many times that at most, where one source's rays still disagree: edges of the sun's shadow are sharp.
+const MOST_BLOCKS: usize = 16;
 /// Shadow rays at most: there are no more points.
 const MOST: u32 = 1 << 16;
-/// Relative standard error that calls for more rays.
-const NOISE: f32 = 0.01;
+/// Relative standard error that calls for more rays than `rays`, times the root of their number: as the error of rows
+/// falls, so does this.
+const NOISE: f32 = 0.12;
+/// Standard errors at an edge fall with about this power of the number of stratified points, not with its root.
+const EDGE_POWER: f32 = 0.625;
+/// Noise is judged against this share of the scene's mean radiosity at least: less light is nowhere noticed.
+const FAINT: f32 = 0.25;
+fn env(name: &str, d: f32) -> f32 {
+    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(d)
+}
 /// Difference of arriving shares between neighbours that calls for more rays.
 const STEP: f32 = 0.02;
 
@@ -46,8 +56,9 @@ pub(super) struct Received {
     pub hidden: Vec3,
     pub emitters: Vec3,
     pub sky_peaks: Vec3,
-    /// Share of the unshadowed light that arrives.
-    pub share: f32,
+    /// Luminance of the unshadowed light, and of what arrives of it.
+    pub sent: f32,
+    pub arrived: f32,
     /// True if some rays to one source arrive and others do not.
     pub mixed: bool,
     /// Of the luminance of all light, about, from how the rays disagree.
@@ -90,22 +101,28 @@ pub(super) fn measure(
     rays: u32,
     observer: &dyn Observer,
 ) -> Result<Direct> {
-    let task = Task { tracer, coverage, patches, sources, enclosure: Enclosure::new(tracer, coverage) };
+    let enclosure = Enclosure::new(tracer, coverage);
+    let mut task = Task { tracer, coverage, patches, sources, enclosure, noise: env("NOISE", NOISE) / (rays as f32).sqrt(), faint: sources.faint };
     let mut received = vec![Received::default(); patches.len()];
     let some =
         |holds: &dyn Fn(usize) -> bool| (0..patches.len() as u32).filter(|&i| holds(i as usize)).collect::<Vec<_>>();
     let table = |points: u32| PointTable::new(points.min(MOST) as usize, 0x6469_7265);
 
     observer.begin("direct", patches.len() as u64);
-    let probes = (rays / 16).clamp(8, 64).min(rays);
-    let mut shadow_rays = task.measure(&some(&|_| true), &table(probes), false, &mut received, observer)?;
+    let probes = (rays / 16).clamp(env("PROBES", 8.0) as u32, 64).min(rays);
+    let mut shadow_rays = task.measure(&some(&|_| true), &table(probes), &|_| 1, &mut received, observer)?;
+    if task.faint == 0.0 {
+        let reflected: Vec<Vec3> = (0..patches.len()).map(|i| patches.reflectance[i] * received[i].total()).collect();
+        task.faint = env("FAINT", FAINT) * mean_radiosity(patches, &reflected);
+    }
     let mixed = some(&|i| task.is_mixed(&received, i));
     observer.begin("direct: shadows", mixed.len() as u64);
-    shadow_rays += task.measure(&mixed, &table(rays), false, &mut received, observer)?;
+    shadow_rays += task.measure(&mixed, &table(rays), &|_| 1, &mut received, observer)?;
     smooth(coverage, patches, &mixed, &mut received);
-    let edges = some(&|i| task.near(i, |n| task.is_edge(&received[n])));
+    let wishes: Vec<u8> = (0..patches.len()).into_par_iter().map(|i| task.wish(&received, i)).collect();
+    let edges = some(&|i| wishes[i] > 0);
     observer.begin("direct: shadow edges", edges.len() as u64);
-    shadow_rays += task.measure(&edges, &table(rays * MORE), true, &mut received, observer)?;
+    shadow_rays += task.measure(&edges, &table(rays * MORE), &|i| usize::from(wishes[i]), &mut received, observer)?;
     smooth(coverage, patches, &edges, &mut received);
     Ok(Direct {
         lights: received.iter().map(|r| r.lights).collect(),
@@ -123,6 +140,10 @@ struct Task<'a> {
     patches: &'a Patches,
     sources: &'a Sources<'a>,
     enclosure: Enclosure<'a>,
+    /// Relative standard error that calls for more rays.
+    noise: f32,
+    /// What it is relative to, at least: luminance of irradiance.
+    faint: f32,
 }
 
 impl Task<'_> {
@@ -131,7 +152,7 @@ impl Task<'_> {
         &self,
         which: &[u32],
         table: &PointTable,
-        edge: bool,
+        blocks: &(dyn Fn(usize) -> usize + Sync),
         received: &mut [Received],
         observer: &dyn Observer,
     ) -> Result<u64> {
@@ -141,7 +162,7 @@ impl Task<'_> {
             }
             let footprint = Footprint::new(&self.tracer.world, self.coverage);
             let mut desk = Desk { footprint, cut: Vec::new(), few: Vec::new(), volley: Volley::default() };
-            let out: Vec<Received> = chunk.iter().map(|&i| self.patch(i as usize, table, edge, &mut desk)).collect();
+            let out: Vec<Received> = chunk.iter().map(|&i| self.patch(i as usize, table, blocks(i as usize), &mut desk)).collect();
             observer.advance(chunk.len() as u64);
             out
         };
@@ -151,28 +172,34 @@ impl Task<'_> {
         Ok(done.iter().flatten().map(|r| u64::from(r.rays)).sum())
     }
 
-    /// True if something holds of a patch, or of a texel beside it on the page.
-    fn near(&self, patch: usize, holds: impl Fn(usize) -> bool) -> bool {
+    /// The patches whose texels lie around one's own on the page, and itself.
+    fn around(&self, patch: usize) -> impl Iterator<Item = usize> {
         let (texel, back) = self.patches.texel(patch);
         let t = self.coverage.texels[texel];
-        let mut around = (-1..=1).flat_map(|y| (-1..=1).map(move |x| IVec2::new(x, y)));
-        holds(patch)
-            || !back
-                && around.any(|d| self.coverage.texel(t.page, t.at.as_ivec2() + d).is_some_and(|n| holds(n as usize)))
+        let others = (-1..=1).flat_map(|y| (-1..=1).map(move |x| IVec2::new(x, y))).filter(move |_| !back);
+        let others = others.filter_map(move |d| self.coverage.texel(t.page, t.at.as_ivec2() + d));
+        std::iter::once(patch).chain(others.map(|n| n as usize))
     }
 
-    /// True if too much noise is left after fitting.
-    fn is_edge(&self, r: &Received) -> bool {
-        r.variance.sqrt() > NOISE * luminance(r.total()).max(self.sources.faint)
-    }
-
-    /// True if the patch's own rays or those of a neighbour on the page disagree, or their shares of the light.
+    /// True if the patch's own rays or those of a neighbour disagree, or their shares of the light.
     fn is_mixed(&self, received: &[Received], patch: usize) -> bool {
-        let share = received[patch].share;
-        self.near(patch, |n| received[n].mixed || (received[n].share - share).abs() > STEP)
+        let share = |r: &Received| r.arrived / r.sent.max(self.faint).max(f32::MIN_POSITIVE);
+        let own = share(&received[patch]);
+        self.around(patch).any(|n| received[n].mixed || (share(&received[n]) - own).abs() > STEP)
     }
 
-    fn patch(&self, patch: usize, table: &PointTable, edge: bool, desk: &mut Desk) -> Received {
+    /// Blocks of points that the noise which is left calls for, of the patch or a neighbour; 0: none.
+    fn wish(&self, received: &[Received], patch: usize) -> u8 {
+        let excess = |r: &Received| r.variance.sqrt() / (self.noise * luminance(r.total()).max(self.faint)).max(f32::MIN_POSITIVE);
+        let most = self.around(patch).map(|n| excess(&received[n])).fold(0.0, f32::max);
+        if most <= 1.0 {
+            return 0;
+        }
+        let blocks = libm::powf(most, 1.0 / EDGE_POWER) / MORE as f32;
+        blocks.ceil().min(env("MB", MOST_BLOCKS as f32)) as u8
+    }
+
+    fn patch(&self, patch: usize, table: &PointTable, most: usize, desk: &mut Desk) -> Received {
         let Desk { footprint, cut, few, volley } = desk;
         let (texel, back) = self.patches.texel(patch);
         let at = self.coverage.texels[texel].at;
@@ -186,9 +213,9 @@ impl Task<'_> {
             open = self.open_points(table, at, &on_surface);
             (&open[..], 1)
         } else {
-            (table.block(at.x, at.y, 0), if edge { table.blocks() } else { 1 })
+            (table.block(at.x, at.y, 0), most.min(table.blocks()))
         };
-        let blocks = |n: usize| points.iter().chain((1..n.min(most)).flat_map(|pass| table.block(at.x, at.y, pass)));
+        let more = || (1..most).flat_map(|pass| table.block(at.x, at.y, pass));
         if points.is_empty() {
             return Received::default();
         }
@@ -208,23 +235,29 @@ impl Task<'_> {
         };
         for light in self.sources.lights.iter().filter(|l| l.bake != Bake::None) {
             let aim = |p: &SurfacePoint, u| punctual::aim(light, p, wrapped(u + shift));
-            let sun = matches!(light.kind, LightKind::Directional { .. });
-            let tally = self.punctual(blocks(if sun { SUN_BLOCKS } else { LAMP_BLOCKS }), &on_surface, aim, volley);
+            let tally = self.punctual(points, more(), &on_surface, aim, volley);
             *(if light.bake == Bake::Full { &mut r.lights } else { &mut r.hidden }) += tally.arrived;
             book(tally, &mut r);
         }
         if let Some(peaks) = &self.sources.peaks {
             let aim = |p: &SurfacePoint, u| peaks.aim(p, wrapped(u + shift));
-            let tally = self.punctual(blocks(SUN_BLOCKS), &on_surface, aim, volley);
+            let tally = self.punctual(points, more(), &on_surface, aim, volley);
             r.sky_peaks += tally.arrived;
             book(tally, &mut r);
         }
         self.sources.emitters.cut(&seen_from(footprint, on_surface(Vec2::splat(0.5))), cut);
         let (near, far) = self.sources.emitters.divide(cut);
         // The same points for all leaves: what their closed forms share between them sums up.
-        few.clear();
-        few.extend(points.iter().take(if edge { NEAR_POINTS } else { EXACT_POINTS }).map(|p| on_surface(p.place)));
-        let (exact, variance) = self.exact(near, few);
+        let mut exact_at = |n: usize| {
+            few.clear();
+            few.extend(points.iter().take(n).map(|p| on_surface(p.place)));
+            self.exact(near, few)
+        };
+        let (mut exact, mut variance) = exact_at(EXACT_POINTS);
+        let all: f32 = exact.iter().map(|e| luminance(*e)).sum();
+        if points.len() > EXACT_POINTS && variance.sqrt() > NEAR_NOISE * self.noise * all.max(self.faint) {
+            (exact, variance) = exact_at(NEAR_POINTS);
+        }
         r.variance += variance;
         let near_weight: f32 = exact.iter().map(|e| luminance(*e)).sum();
         let far_weight: f32 = far.iter().map(|s| s.weight).sum();
@@ -245,13 +278,11 @@ impl Task<'_> {
                 self.pooled(far, far_weight, &points[..samples(far_weight)], &on_surface, shift, volley);
             r.emitters += tally.arrived;
             r.variance += noise * noise;
-            r.mixed |= noise > NOISE * luminance(r.emitters).max(self.sources.faint);
+            r.mixed |= noise > self.noise * luminance(r.emitters).max(self.faint);
             // Its spread is in the noise.
             book(Tally { through: [0.0; 2], ..tally }, &mut r);
         }
-        let sent = sent.max(self.sources.faint);
-        r.share = if sent > 0.0 { arrived / sent } else { 0.0 };
-        r
+        Received { sent, arrived, ..r }
     }
 
     /// Mean of each leaf's closed form over `points`, and the variance of what they sum up to.
@@ -288,25 +319,35 @@ impl Task<'_> {
         open
     }
 
-    /// Mean over the texel's points of what arrives from a source that is one ray a point.
+    /// Mean over the texel's points of what arrives from a source that is one ray a point; over more if these disagree.
     fn punctual<'p>(
         &self,
-        points: impl Iterator<Item = &'p Point>,
+        points: &[Point],
+        more: impl Iterator<Item = &'p Point>,
         on_surface: &impl Fn(Vec2) -> SurfacePoint,
         aim: impl Fn(&SurfacePoint, Vec2) -> Option<Aim>,
         volley: &mut Volley,
     ) -> Tally {
-        let mut n = 0;
-        volley.clear();
-        for point in points {
-            n += 1;
+        let take = |point: &Point, volley: &mut Volley| {
             let p = on_surface(point.place);
             if let Some(Aim { direction, distance, irradiance }) = aim(&p, point.extra) {
                 // A hair short of the light: a lamp's own surface may stand at it.
                 volley.aim(&p, direction, distance * (1.0 - 1e-4), irradiance, irradiance);
             }
+        };
+        volley.clear();
+        points.iter().for_each(|point| take(point, volley));
+        let first = volley.fire(self.tracer);
+        if first.spread() == 0.0 {
+            return first.scaled(1.0 / points.len() as f32);
         }
-        volley.fire(self.tracer).scaled(1.0 / n as f32)
+        volley.clear();
+        let mut n = points.len();
+        for point in more {
+            n += 1;
+            take(point, volley);
+        }
+        first.and(volley.fire(self.tracer)).scaled(1.0 / n as f32)
     }
 
     /// What arrives from points of a leaf.

@@ -82,6 +82,12 @@ impl Tally {
         Tally { sent: exact, arrived: exact * share, ..self }
     }
 
+    /// Both together.
+    pub fn and(self, o: Self) -> Self {
+        let through = [self.through[0] + o.through[0], self.through[1] + o.through[1]];
+        Tally { sent: self.sent + o.sent, arrived: self.arrived + o.arrived, through, rays: self.rays + o.rays }
+    }
+
     pub fn scaled(self, f: f32) -> Self {
         Tally { sent: self.sent * f, arrived: self.arrived * f, ..self }
     }
