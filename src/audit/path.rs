@@ -66,8 +66,10 @@ struct Shot {
 pub(super) struct Sum {
     /// Sum of irradiance.
     pub irradiance: DVec3,
-    /// Rays from the place that saw anything else than a back that does not shine.
-    pub open: u32,
+    /// Rays from the place that saw the sky or what shines.
+    pub out: u32,
+    /// Rays from the place that saw other fronts.
+    pub fronts: u32,
 }
 
 /// Words that look random.
@@ -225,11 +227,13 @@ impl Bundle {
         self.rays.len() as u64
     }
 
-    /// A place is open if any ray from it sees what is no back, or a back that shines.
+    /// What else is seen from places than backs that do not shine.
     fn count_open(&self, subject: &Subject, sums: &mut [Sum]) {
         for (path, hit) in self.paths.iter().zip(&self.hits) {
-            let closed = hit.is_some_and(|h| !h.front && !subject.tracer.world.material(h.triangle).emits());
-            sums[path.sum as usize].open += u32::from(!closed);
+            let sum = &mut sums[path.sum as usize];
+            let dull = hit.filter(|h| !subject.tracer.world.material(h.triangle).emits());
+            sum.out += u32::from(dull.is_none());
+            sum.fronts += u32::from(dull.is_some_and(|h| h.front));
         }
     }
 

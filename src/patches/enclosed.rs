@@ -11,7 +11,7 @@ use glam::{UVec2, Vec2};
 /// Rays that decide, at most. Where most of the view is backs of sheets, few would mistake it for an enclosure.
 const PROBES: usize = 32;
 /// Those that may meet fronts: a box that leans on a wall is often open there, and what is inside sees the wall.
-const FRONTS: usize = 2;
+const FRONTS: usize = 4;
 /// Those that are traced at once.
 const TOGETHER: usize = 8;
 /// Points of a texel that must be found enclosed by all probes before one beside its ray is trusted for the others.
