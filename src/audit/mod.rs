@@ -8,8 +8,8 @@
 //! The figures are those of the project's scorer, with these differences. Texels count by their area on the surface. The
 //! darker half is that of the map, not of the truth, which is only known with noise. The border is every texel within
 //! two of one whose centre no surface covers. Left out are texels of which more than 2 % is enclosed by geometry: a place
-//! is enclosed if all rays from it end on backs that do not shine, but for a few on fronts: a box that leans on a wall is
-//! often open there.
+//! is enclosed if all rays from it end on backs that do not shine, but for a few on fronts: a pillar is often open where it
+//! meets the ceiling.
 //!
 //! Light and matter are the contract's. One difference: the bake caps the mean reflectance of a texel, the audit that of
 //! each point.
@@ -153,7 +153,7 @@ const ROUND: u32 = 16;
 const MOST: u32 = 1 << 24;
 /// A texel of which more is enclosed is left out.
 const ENCLOSED: f64 = 0.02;
-/// Share of the rays from an enclosed place that may meet fronts.
+/// Share of the rays from an enclosed place that may meet fronts, if all backs that they meet are dark.
 const FRONTS: f64 = 0.125;
 /// Least paths from a place: their first rays decide whether it is enclosed.
 const LEAST_PATHS: u32 = 16;
@@ -308,7 +308,8 @@ impl Halves {
             halves.places += places.len();
             let open = |sums: &[Sum]| {
                 let all = |of: fn(&Sum) -> u32| sums.iter().map(of).sum::<u32>();
-                all(|s| s.out) > 0 || f64::from(all(|s| s.fronts)) > FRONTS * f64::from(each)
+                let most = if all(|s| s.sheets) > 0 { 0.0 } else { FRONTS * f64::from(each) };
+                all(|s| s.out) > 0 || f64::from(all(|s| s.fronts)) > most
             };
             let each_part = f64::from(each) / PARTS as f64;
             let found = places.iter().zip(sums.chunks(PARTS)).filter(|(_, sums)| open(sums));

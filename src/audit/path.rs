@@ -68,8 +68,9 @@ pub(super) struct Sum {
     pub irradiance: DVec3,
     /// Rays from the place that saw the sky or what shines.
     pub out: u32,
-    /// Rays from the place that saw other fronts.
+    /// Rays from the place that saw other fronts, and backs of double-sided surfaces.
     pub fronts: u32,
+    pub sheets: u32,
 }
 
 /// Words that look random.
@@ -231,9 +232,12 @@ impl Bundle {
     fn count_open(&self, subject: &Subject, sums: &mut [Sum]) {
         for (path, hit) in self.paths.iter().zip(&self.hits) {
             let sum = &mut sums[path.sum as usize];
-            let dull = hit.filter(|h| !subject.tracer.world.material(h.triangle).emits());
-            sum.out += u32::from(dull.is_none());
-            sum.fronts += u32::from(dull.is_some_and(|h| h.front));
+            let met = hit.map(|h| (h.front, subject.tracer.world.material(h.triangle)));
+            match met.filter(|(_, material)| !material.emits()) {
+                None => sum.out += 1,
+                Some((true, _)) => sum.fronts += 1,
+                Some((false, material)) => sum.sheets += u32::from(material.double_sided),
+            }
         }
     }
 

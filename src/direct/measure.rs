@@ -43,9 +43,8 @@ const NOISE: f32 = 0.12;
 const EDGE_POWER: f32 = 0.625;
 /// Noise is judged against this share of the scene's mean radiosity at least: less light is nowhere noticed.
 const FAINT: f32 = 0.25;
-fn env(name: &str, d: f32) -> f32 {
-    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(d)
-}
+/// And against so many times that at most: errors of a bright spot are far above the mean.
+const GLARE: f32 = 16.0;
 /// Difference of arriving shares between neighbours that calls for more rays.
 const STEP: f32 = 0.02;
 
@@ -102,18 +101,26 @@ pub(super) fn measure(
     observer: &dyn Observer,
 ) -> Result<Direct> {
     let enclosure = Enclosure::new(tracer, coverage);
-    let mut task = Task { tracer, coverage, patches, sources, enclosure, noise: env("NOISE", NOISE) / (rays as f32).sqrt(), faint: sources.faint };
+    let mut task = Task {
+        tracer,
+        coverage,
+        patches,
+        sources,
+        enclosure,
+        noise: NOISE / (rays as f32).sqrt(),
+        faint: sources.faint,
+    };
     let mut received = vec![Received::default(); patches.len()];
     let some =
         |holds: &dyn Fn(usize) -> bool| (0..patches.len() as u32).filter(|&i| holds(i as usize)).collect::<Vec<_>>();
     let table = |points: u32| PointTable::new(points.min(MOST) as usize, 0x6469_7265);
 
     observer.begin("direct", patches.len() as u64);
-    let probes = (rays / 16).clamp(env("PROBES", 8.0) as u32, 64).min(rays);
+    let probes = (rays / 16).clamp(8, 64).min(rays);
     let mut shadow_rays = task.measure(&some(&|_| true), &table(probes), &|_| 1, &mut received, observer)?;
     if task.faint == 0.0 {
         let reflected: Vec<Vec3> = (0..patches.len()).map(|i| patches.reflectance[i] * received[i].total()).collect();
-        task.faint = env("FAINT", FAINT) * mean_radiosity(patches, &reflected);
+        task.faint = FAINT * mean_radiosity(patches, &reflected);
     }
     let mixed = some(&|i| task.is_mixed(&received, i));
     observer.begin("direct: shadows", mixed.len() as u64);
@@ -162,7 +169,8 @@ impl Task<'_> {
             }
             let footprint = Footprint::new(&self.tracer.world, self.coverage);
             let mut desk = Desk { footprint, cut: Vec::new(), few: Vec::new(), volley: Volley::default() };
-            let out: Vec<Received> = chunk.iter().map(|&i| self.patch(i as usize, table, blocks(i as usize), &mut desk)).collect();
+            let out: Vec<Received> =
+                chunk.iter().map(|&i| self.patch(i as usize, table, blocks(i as usize), &mut desk)).collect();
             observer.advance(chunk.len() as u64);
             out
         };
@@ -190,13 +198,11 @@ impl Task<'_> {
 
     /// Blocks of points that the noise which is left calls for, of the patch or a neighbour; 0: none.
     fn wish(&self, received: &[Received], patch: usize) -> u8 {
-        let excess = |r: &Received| r.variance.sqrt() / (self.noise * luminance(r.total()).max(self.faint)).max(f32::MIN_POSITIVE);
+        let allowed = |light: f32| self.noise * light.clamp(self.faint, GLARE * self.faint);
+        let excess = |r: &Received| r.variance.sqrt() / allowed(luminance(r.total())).max(f32::MIN_POSITIVE);
         let most = self.around(patch).map(|n| excess(&received[n])).fold(0.0, f32::max);
-        if most <= 1.0 {
-            return 0;
-        }
         let blocks = libm::powf(most, 1.0 / EDGE_POWER) / MORE as f32;
-        blocks.ceil().min(env("MB", MOST_BLOCKS as f32)) as u8
+        if most > 1.0 { blocks.ceil().min(MOST_BLOCKS as f32) as u8 } else { 0 }
     }
 
     fn patch(&self, patch: usize, table: &PointTable, most: usize, desk: &mut Desk) -> Received {

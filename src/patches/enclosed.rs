@@ -10,17 +10,16 @@ use glam::{UVec2, Vec2};
 
 /// Rays that decide, at most. Where most of the view is backs of sheets, few would mistake it for an enclosure.
 const PROBES: usize = 32;
-/// Those that may meet fronts: a box that leans on a wall is often open there, and what is inside sees the wall.
+/// Those that may meet fronts, if all backs are dark: a pillar is often open where it meets the ceiling, a slab where it
+/// leans on a wall.
 const FRONTS: usize = 4;
 /// Those that are traced at once.
 const TOGETHER: usize = 8;
 /// Points of a texel that must be found enclosed by all probes before one beside its ray is trusted for the others.
 const TRUST: usize = 2;
-/// Units in the last place of the scene's extent by which surfaces in the same place may lie apart.
-const SAME: f32 = 16.0;
 
 /// Looks around points. A point is enclosed if what it sees are backs, single-sided or not, that do not shine, but for a
-/// few fronts. Where a front lies in the same place as a back, as where boxes touch, either may be met: that says nothing.
+/// few fronts.
 pub struct Enclosure<'a> {
     tracer: &'a Tracer<'a>,
     coverage: &'a Coverage,
@@ -47,8 +46,11 @@ impl<'a> Enclosure<'a> {
         }
         // One probe each settles most points that are open.
         let probes = self.probes.block(at.x, at.y, 0).iter().cycle();
-        let mut enclosed: Vec<bool> =
-            self.look(points.iter().zip(probes), turn).into_iter().map(|seen| matches!(seen, Seen::Back | Seen::Both)).collect();
+        let mut enclosed: Vec<bool> = self
+            .look(points.iter().zip(probes), turn)
+            .into_iter()
+            .map(|seen| matches!(seen, Seen::Back | Seen::Sheet))
+            .collect();
         for (p, enclosed) in points.iter().zip(&mut enclosed).filter(|(_, enclosed)| **enclosed) {
             if *found < TRUST {
                 *enclosed = self.surrounds(p, self.probes.block(at.x, at.y, 1 + *found), turn);
@@ -58,17 +60,16 @@ impl<'a> Enclosure<'a> {
         enclosed
     }
 
-    /// True if no probe gets out, and few meet fronts, or what may be one.
+    /// True if no probe gets out, and few meet fronts.
     fn surrounds(&self, p: &SurfacePoint, probes: &[Point], turn: Vec2) -> bool {
-        let (mut fronts, mut both) = (0, 0);
-        let closed = probes.chunks(TOGETHER).all(|few| {
+        let (mut fronts, mut sheets) = (0, 0);
+        probes.chunks(TOGETHER).all(|few| {
             let seen = self.look(few.iter().map(|probe| (p, probe)), turn);
             let count = |what| seen.iter().filter(|s| **s == what).count();
             fronts += count(Seen::Front);
-            both += count(Seen::Both);
-            count(Seen::Out) == 0 && fronts <= FRONTS
-        });
-        closed && 2 * both <= probes.len()
+            sheets += count(Seen::Sheet);
+            count(Seen::Out) == 0 && fronts <= if sheets > 0 { 0 } else { FRONTS }
+        })
     }
 
     /// What probes end on.
@@ -80,28 +81,25 @@ impl<'a> Enclosure<'a> {
         let rays: Vec<Ray> = probes.enumerate().map(ray).collect();
         let mut hits = vec![None; rays.len()];
         self.tracer.closest_of_each(&rays, &mut hits);
-        rays.iter().zip(hits).map(|(ray, hit)| self.seen(ray, hit)).collect()
-    }
-
-    fn seen(&self, ray: &Ray, hit: Option<Hit>) -> Seen {
-        let Some(hit) = hit.filter(|h| !self.coverage.charted[h.triangle as usize].emits) else { return Seen::Out };
-        if !hit.front {
-            return Seen::Back;
-        }
-        let apart = SAME * (self.tracer.reach() + hit.t) * f32::EPSILON;
-        let next = self.tracer.closest(&Ray { from: hit.triangle, ..*ray });
-        let back = next.is_some_and(|next| (next.t - hit.t).abs() <= apart && self.may_enclose(&next));
-        if back { Seen::Both } else { Seen::Front }
+        let seen = |hit: Option<Hit>| match hit {
+            Some(hit) if self.coverage.charted[hit.triangle as usize].emits => Seen::Out,
+            Some(hit) if hit.front => Seen::Front,
+            Some(hit) if self.tracer.world.material(hit.triangle).double_sided => Seen::Sheet,
+            Some(_) => Seen::Back,
+            None => Seen::Out,
+        };
+        hits.into_iter().map(seen).collect()
     }
 }
 
 /// What a probe ends on.
 #[derive(Clone, Copy, PartialEq)]
 enum Seen {
+    /// A back that is dark.
     Back,
+    /// One that may be lit.
+    Sheet,
     Front,
-    /// A front, and a back in the same place.
-    Both,
     /// The sky, or what shines.
     Out,
 }

@@ -1,5 +1,6 @@
 //! Light and matter, point by point, each against a closed form or an exact symmetry.
 
+mod buried;
 mod light;
 mod surface;
 
