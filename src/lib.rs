@@ -38,3 +38,5 @@ pub mod gltf;
 pub mod bake;
 
 pub mod preview;
+
+pub mod render;

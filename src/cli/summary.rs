@@ -34,12 +34,21 @@ pub fn text(report: &Report, audit: Option<&Audit>, out: &Path, extras: &[Extra]
     if report.peak_memory_mb > 0 {
         lines.push(("memory", format!("{} MB at most", count(report.peak_memory_mb))));
     }
-    for extra in extras {
-        lines.push((extra.name, format!("{}, exposure {}", extra.file.display(), digits(extra.exposure.into()))));
+    for Extra { name, file, exposure } in extras {
+        lines.push((name, exposed(file, *exposure)));
     }
     lines.extend(audit.into_iter().flat_map(audited));
     lines.push(("warnings", report.warnings.len().to_string()));
     aligned(&lines)
+}
+
+/// A picture alone.
+pub fn picture(file: &Path, exposure: f32) -> String {
+    aligned(&[("picture", exposed(file, exposure))])
+}
+
+fn exposed(file: &Path, exposure: f32) -> String {
+    format!("{}, exposure {}", file.display(), digits(exposure.into()))
 }
 
 /// An audit alone.
