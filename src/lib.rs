@@ -40,3 +40,5 @@ pub mod bake;
 pub mod preview;
 
 pub mod render;
+
+pub mod inspect;

@@ -231,9 +231,7 @@ impl Budget {
 impl Subject<'_, '_> {
     /// What the map says of a covered texel; 0 on pages that it does not have.
     fn value(&self, texel: usize) -> Vec3 {
-        let t = self.coverage.texels[texel];
-        let map = self.lightmaps.pages.get(t.page as usize);
-        map.map_or(Vec3::ZERO, |map| map.irradiance[(t.at.y * map.size.x + t.at.x) as usize])
+        self.lightmaps.value(self.coverage, texel)
     }
 
     /// What the map says of the irradiance where a ray ended; 0 where it says nothing.

@@ -44,7 +44,7 @@ pub fn run(args: &args::Audit) -> Result<ExitCode> {
         map.covered = grid.iter().map(|t| *t != luxel::atlas::NO_TEXEL).collect();
     }
     let tracer = Tracer::new(world);
-    let max_reflectance = args.max_reflectance.or(record.max_reflectance).unwrap_or(0.98).clamp(1e-6, 0.9999);
+    let max_reflectance = args.max_reflectance.unwrap_or(record.reflectance());
     let subject = Subject { tracer: &tracer, coverage: &coverage, lightmaps: &lightmaps, max_reflectance };
     let budget = args.points.map_or(Budget::Time(args.time.unwrap_or(TIME)), Budget::Points);
     let observer = Progress::new(args.quiet);

@@ -9,6 +9,7 @@ mod bake;
 mod baked;
 mod camera;
 mod console;
+mod inspect;
 mod lights;
 mod outputs;
 mod pictures;
@@ -16,6 +17,7 @@ mod progress;
 mod render;
 mod signals;
 mod summary;
+mod units;
 mod values;
 
 use args::{Args, Command};
@@ -36,6 +38,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Bake(options) => bake::run(&options),
         Command::Audit(options) => audit::run(&options),
         Command::Render(options) => render::run(&options),
+        Command::Inspect(options) => inspect::run(&options),
     };
     result.unwrap_or_else(|error| {
         console::error(&error);

@@ -7,9 +7,9 @@ use luxel::{
     error::{Error, Result},
     files::{self, has_extension},
     pixels::{encode_png, exr},
-    preview::{self, Picture},
+    preview::{self, Cast, Picture},
     render::{self, View},
-    scene::{Camera, Scene},
+    scene::{Camera, Scene, Sky},
 };
 use std::{io, path::Path};
 
@@ -34,6 +34,16 @@ pub fn paint(scene: &Scene, view: &mut View, camera: Option<Camera>, size: UVec2
         camera
     });
     preview::paint(&|o, d| view.sight(o, d), &scene.sky, &camera, size, grid)
+}
+
+/// What a ray sees as it is, without a sky.
+pub fn plain(cast: &Cast, camera: &Camera) -> Picture {
+    preview::paint(cast, &Sky::Black, camera, SIZE, GRID)
+}
+
+/// Width of such a picture over its height.
+pub fn aspect() -> f32 {
+    SIZE.x as f32 / SIZE.y as f32
 }
 
 /// Writes a picture, whole or not at all: radiance as EXR, what is shown of it as PNG.

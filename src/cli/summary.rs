@@ -39,12 +39,12 @@ pub fn text(report: &Report, audit: Option<&Audit>, out: &Path, extras: &[Extra]
     }
     lines.extend(audit.into_iter().flat_map(audited));
     lines.push(("warnings", report.warnings.len().to_string()));
-    aligned(&lines)
+    self::lines(&lines)
 }
 
 /// A picture alone.
 pub fn picture(file: &Path, exposure: f32) -> String {
-    aligned(&[("picture", exposed(file, exposure))])
+    lines(&[("picture", exposed(file, exposure))])
 }
 
 fn exposed(file: &Path, exposure: f32) -> String {
@@ -53,7 +53,7 @@ fn exposed(file: &Path, exposure: f32) -> String {
 
 /// An audit alone.
 pub fn audit(audit: &Audit) -> String {
-    aligned(&audited(audit))
+    lines(&audited(audit))
 }
 
 /// Figures and what they were found with.
@@ -81,7 +81,8 @@ fn audited(audit: &Audit) -> Vec<(&'static str, String)> {
     lines
 }
 
-fn aligned(lines: &[(&str, String)]) -> String {
+/// Subjects and what is to be said of them.
+pub fn lines(lines: &[(&str, String)]) -> String {
     lines.iter().fold(String::new(), |mut text, (name, value)| {
         let _ = writeln!(text, "{name:<10} {value}");
         text

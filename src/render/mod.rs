@@ -10,20 +10,19 @@
 
 mod ggx;
 mod lamps;
-mod place;
 mod stored;
 
 pub use stored::{of_bake, of_file};
 
 use crate::{
-    math::{cosine_hemisphere, hash, unit_float},
+    math::{Frame, cosine_hemisphere, hash, unit_float},
+    patches::SurfacePoint,
     preview::Sight,
-    scene::{Light, Surface},
-    trace::{Hit, NOWHERE, Ray, Tracer},
+    scene::{Light, Surface, World, shading_normal},
+    trace::{Hit, NOWHERE, Ray, Tracer, rounding},
 };
 use ggx::Metal;
 use glam::{Vec2, Vec3};
-use place::Place;
 use std::f32::consts::PI;
 
 /// Irradiance where a ray ended; `None` where no map knows it.
@@ -93,7 +92,7 @@ impl View<'_, '_> {
         let world = &self.tracer.world;
         let (instance, t) = world.locate(hit.triangle);
         let surface = world.scene.surface(world.mesh(instance), t, hit.bary, 0.0);
-        Vertex { place: Place::of(world, hit), surface, irradiance: (self.known)(hit), back }
+        Vertex { place: place(world, hit), surface, irradiance: (self.known)(hit), back }
     }
 
     /// What needs no path: emission, and the light that is known, on what is matt.
@@ -134,7 +133,7 @@ impl View<'_, '_> {
                 let lamps = &world.scene.lights.iter().collect::<Vec<_>>();
                 sum += weight * surface.reflectance * lamps::irradiance(self.tracer, place, lamps, &mut random) / PI;
                 weight *= surface.reflectance;
-                place.frame().to_world(cosine_hemisphere(u))
+                place.frame.to_world(cosine_hemisphere(u))
             };
             if direction.dot(place.face) <= 0.0 {
                 break;
@@ -184,7 +183,7 @@ impl View<'_, '_> {
 /// Where a path stands.
 #[derive(Clone, Copy)]
 struct Vertex {
-    place: Place,
+    place: SurfacePoint,
     surface: Surface,
     irradiance: Option<Vec3>,
     /// Unit vector to where the path comes from.
@@ -202,6 +201,20 @@ impl Vertex {
         let Surface { mirror, dielectric, roughness, .. } = self.surface;
         Metal::new(self.place.normal, self.back, mirror, 1.0 - dielectric, roughness)
     }
+}
+
+/// The point where a ray ended, on the side that it met.
+fn place(world: &World, hit: &Hit) -> SurfacePoint {
+    let (instance, local) = world.locate(hit.triangle);
+    let corners = world.corners(instance, local);
+    let [a, b, c] = corners;
+    let face = world.cross(instance, &corners).normalize_or_zero();
+    let smooth = world.smooth_normals(instance, local, face);
+    let normal = smooth.map_or(face, |corners| shading_normal(&corners, hit.bary, face));
+    let position = a + (b - a) * hit.bary.x + (c - a) * hit.bary.y;
+    let (frame, offset) = (Frame::around(normal), rounding(&corners));
+    let front = SurfacePoint { position, face, normal, frame, triangle: hit.triangle, bary: hit.bary, offset };
+    if hit.front { front } else { front.reversed() }
 }
 
 /// Point `index` of the net `key` in the unit square.

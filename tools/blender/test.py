@@ -38,12 +38,17 @@ def bake(scene, name, *options):
 
 def levels(png):
     """Levels of eight bits, rows from the top."""
-    image = bpy.data.images.load(str(png))
-    image.colorspace_settings.name = "Non-Color"
+    return np.round(values(png, "Non-Color") * 255)
+
+
+def values(file, space="Linear Rec.709"):
+    """A picture's channels as they are stored, rows from the top."""
+    image = bpy.data.images.load(str(file))
+    image.colorspace_settings.name = space
     pixels = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(pixels)
     width, height = image.size
-    return np.round(pixels.reshape(height, width, 4)[::-1, :, :3] * 255)
+    return pixels.reshape(height, width, 4)[::-1, :, :3]
 
 
 def glb(path):
@@ -61,11 +66,12 @@ def write_glb(path, document, binary):
     Path(path).write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
 
 
-def load(path):
-    """The file in a new scene, imported with the add-on."""
+def load(path, lightmap=True):
+    """The file in a new scene, imported with the add-on or without."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module="io_scene_gltf2")
-    bpy.ops.preferences.addon_enable(module="luxel_lightmap")
+    if lightmap:
+        bpy.ops.preferences.addon_enable(module="luxel_lightmap")
     scene = bpy.context.scene
     # Blender's own grey world stays: it must not add to the light.
     scene.world = bpy.data.worlds.new("World")
@@ -73,9 +79,11 @@ def load(path):
     return scene
 
 
-def render(path, name, source, samples=64):
-    """Linear radiance that Cycles sees through the first camera of `source`."""
-    scene = load(path)
+def render(path, source, samples=64, prepare=None):
+    """Linear radiance that Cycles sees through the first camera of `source`; `prepare`: of a scene without its maps."""
+    scene = load(path, lightmap=not prepare)
+    if prepare:
+        prepare(scene)
     scene.render.engine = "CYCLES"
     scene.cycles.samples, scene.cycles.use_denoising = samples, False
     scene.cycles.pixel_filter_type = "BOX"
@@ -87,12 +95,9 @@ def render(path, name, source, samples=64):
     scene.camera.data.sensor_fit, scene.camera.data.angle = "VERTICAL", glb(source)[0]["cameras"][0]["perspective"]["yfov"]
     scene.render.image_settings.file_format = "OPEN_EXR"
     scene.render.image_settings.color_depth = "32"
-    scene.render.filepath = str(FOLDER / f"{name}.blender.exr")
+    scene.render.filepath = str(FOLDER / f"{path.name}.blender.exr")
     bpy.ops.render.render(write_still=True)
-    image = bpy.data.images.load(scene.render.filepath)
-    pixels = np.empty(len(image.pixels), np.float32)
-    image.pixels.foreach_get(pixels)
-    return pixels.reshape(SIZE[1], SIZE[0], 4)[::-1, :, :3]
+    return values(scene.render.filepath)
 
 
 def shown(radiance, exposure):
@@ -106,7 +111,7 @@ class Pictures(unittest.TestCase):
     """Cycles' pictures against luxel's previews, in levels of eight bits."""
 
     def assert_near(self, lit, preview, exposure, source, median, p95):
-        found = shown(render(lit, lit.name, source), exposure)
+        found = shown(render(lit, source), exposure)
         apart = np.abs(found - preview).max(axis=2)[preview.max(axis=2) > 0]
         figures = np.median(apart), np.percentile(apart, 95)
         print(f"{lit.name}: median {figures[0]:.2f}, 95th percentile {figures[1]:.2f} levels, {apart.size} pixels")
@@ -139,6 +144,67 @@ def with_lamp(source, target):
     document["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": 1.5}]}}
     document.setdefault("extensionsUsed", []).append("KHR_lights_punctual")
     write_glb(target, document, binary)
+
+
+class Render(unittest.TestCase):
+    """`luxel render` of metal among matt surfaces, against Cycles' path tracer on the scene that was baked."""
+
+    def difference(self, name, roughness, lamp, caustics=False):
+        metal = FOLDER / f"{name}.glb"
+        with_metal(ASSETS / "cornell.glb", metal, roughness, lamp)
+        lit, picture = FOLDER / f"{name}.lit.glb", FOLDER / f"{name}.exr"
+        subprocess.run([LUXEL, "bake", metal, "-o", lit, "--quiet", "--resolution", "512", "--rays", "128"], check=True,
+                       capture_output=True)
+        subprocess.run([LUXEL, "render", lit, "-o", picture, "--samples", "4", "--paths", "64"], check=True, capture_output=True)
+        truth = render(metal, metal, 256, lambda scene: traced(scene, caustics))
+        found, mean = values(picture), truth[truth.sum(axis=2) > 0].mean()
+        # Means of 4 x 4 pixels, so that noise and the edges of things count less.
+        apart, truth = (x.reshape(SIZE[1] // 4, 4, SIZE[0] // 4, 4, 3).mean(axis=(1, 3)) for x in (found - truth, truth))
+        # The lamp is brighter than all else, and no matter of the second pass.
+        apart = apart[(truth.max(axis=2) > 0) & (truth.max(axis=2) < 20 * mean)]
+        rms, bias = np.sqrt((apart ** 2).mean()) / mean, apart.mean() / mean
+        median = np.median(np.abs(apart)) / mean
+        print(f"{name}: rms {rms:.4f}, bias {bias:.4f}, median {median:.4f} of the mean")
+        return rms, bias
+
+    def assert_near(self, figures, rms, bias):
+        self.assertLess(figures[0], rms)
+        self.assertLess(abs(figures[1]), bias)
+
+    def test_mirror(self):
+        self.assert_near(self.difference("mirror", 0.0, lamp=False), 0.05, 0.02)
+
+    def test_rough_metal_under_a_lamp(self):
+        self.assert_near(self.difference("rough", 0.4, lamp=True), 0.05, 0.02)
+
+
+def with_metal(source, target, roughness, lamp):
+    """The Cornell box with its blocks of metal, a lamp in the air perhaps."""
+    if lamp:
+        with_lamp(source, target)
+        source = target
+    document, binary = glb(source)
+    factors = {"baseColorFactor": [0.95, 0.8, 0.4, 1], "metallicFactor": 1, "roughnessFactor": roughness}
+    document["materials"].append({"name": "gold", "pbrMetallicRoughness": factors})
+    for node in document["nodes"]:
+        if "block" in node.get("name", "").lower() or "box" in node.get("name", "").lower():
+            for primitive in document["meshes"][node["mesh"]]["primitives"]:
+                primitive["material"] = len(document["materials"]) - 1
+    write_glb(target, document, binary)
+
+
+def traced(scene, caustics):
+    """Cycles as luxel sees the world: matt dielectrics, GGX of one bounce, and no light from metal on matt surfaces."""
+    cycles = scene.cycles
+    cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = 64
+    cycles.caustics_reflective = caustics
+    cycles.sample_clamp_indirect = cycles.blur_glossy = 0
+    scene.world.cycles_visibility.camera = scene.world.cycles_visibility.diffuse = scene.world.cycles_visibility.glossy = False
+    for material in bpy.data.materials:
+        for node in material.node_tree.nodes:
+            if node.type == "BSDF_PRINCIPLED":
+                node.distribution = "GGX"
+                node.inputs["Specular IOR Level"].default_value = 0
 
 
 class Scenes(unittest.TestCase):

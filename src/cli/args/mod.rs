@@ -3,11 +3,13 @@
 mod audit;
 mod bake;
 mod baked;
+mod inspect;
 mod render;
 
 pub use audit::Audit;
 pub use bake::{Bake, Quality};
 pub use baked::Baked;
+pub use inspect::Inspect;
 pub use render::Render;
 
 use clap::{
@@ -33,6 +35,8 @@ pub enum Command {
     Audit(Box<Audit>),
     /// Paint a picture of a baked file: matt surfaces from its lightmaps, what metals mirror by ray tracing
     Render(Box<Render>),
+    /// Paint what the lightmaps of a baked file are like: density, charts, overlaps, validity, rows, error
+    Inspect(Box<Inspect>),
 }
 
 /// One of a closed set, by its name.

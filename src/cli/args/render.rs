@@ -51,7 +51,7 @@ pub struct Render {
     #[arg(long, value_name = "N", value_parser = threads(), allow_negative_numbers = true)]
     pub threads: Option<usize>,
 
-    /// Show no progress; warnings and errors are still shown
+    /// Tell nothing but warnings and errors
     #[arg(long)]
     pub quiet: bool,
 }

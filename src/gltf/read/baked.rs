@@ -34,6 +34,15 @@ pub struct Record {
     pub exclude: Vec<String>,
     /// `--bounces`.
     pub bounces: Option<u32>,
+    /// Receivers of the bake.
+    pub receivers: Option<u64>,
+}
+
+impl Record {
+    /// Largest diffuse reflectance of the bake.
+    pub fn reflectance(&self) -> f32 {
+        self.max_reflectance.unwrap_or(0.98).clamp(1e-6, 0.9999)
+    }
 }
 
 /// A lightmap and where it lies.
@@ -51,7 +60,8 @@ pub fn record(document: &Document) -> Result<Option<Record>> {
     let Some(light) = report.and_then(|r| r.get("light")) else { return Ok(None) };
     let record = Record::deserialize(light).map_err(|e| broken(document, "report.light", e.to_string()))?;
     let bounces = report.and_then(|r| r.get("bounces")).and_then(Value::as_u64).map(|n| n.min(u32::MAX.into()) as u32);
-    Ok(Some(Record { bounces, ..record }))
+    let receivers = report.and_then(|r| r.get("receivers")).and_then(Value::as_u64);
+    Ok(Some(Record { bounces, receivers, ..record }))
 }
 
 /// The lightmap of `document`, whose scene is `scene`.
