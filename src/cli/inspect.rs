@@ -4,7 +4,9 @@ use super::{
     args,
     bake::{Warnings, start_threads},
     baked::{self, Opened},
-    camera, console, pictures, signals, summary,
+    camera, console, pictures,
+    progress::Progress,
+    signals, summary,
 };
 use glam::Vec3;
 use luxel::{
@@ -16,7 +18,7 @@ use luxel::{
     math::srgb,
     pixels::encode_png,
     preview::{Cast, Sight},
-    render,
+    progress, render,
     scene::World,
     trace::{NOWHERE, Ray, Tracer},
 };
@@ -51,6 +53,7 @@ pub fn run(args: &args::Inspect) -> Result<ExitCode> {
     let mut told = Vec::new();
     for layer in Layer::ALL {
         let painted = inspection.paint(layer);
+        progress::check(&Progress::new(true))?;
         for (page, grid) in coverage.grids.iter().enumerate() {
             let color = |t: &u32| srgb(painted.colors.get(*t as usize).copied().unwrap_or(BARE));
             let texels: Vec<[u8; 3]> = grid.iter().map(color).collect();

@@ -4,14 +4,16 @@ use super::{
     args,
     bake::{Warnings, start_threads},
     baked::{self, Opened},
-    camera, console, pictures, signals, summary,
+    camera, console, pictures,
+    progress::Progress,
+    signals, summary,
 };
 use luxel::{
     atlas::Coverage,
     error::{Error, Result},
     files,
     lightmaps::Content,
-    render,
+    progress, render,
     scene::World,
     trace::Tracer,
 };
@@ -37,6 +39,7 @@ pub fn run(args: &args::Render) -> Result<ExitCode> {
     let tracer = Tracer::new(world);
     let mut view = render::of_file(&tracer, &coverage, &lightmaps, args.paths);
     let picture = pictures::paint(&scene, &mut view, camera, args.size, args.samples);
+    progress::check(&Progress::new(true))?;
     signals::begin_writing();
     pictures::write(&picture, file)?;
     if !args.quiet {

@@ -21,6 +21,9 @@ pub struct Picture {
     pub exposure: f32,
 }
 
+/// Radiance along a ray, and the surface that it comes from, if any.
+type Seen = (Vec3, Option<Sight>);
+
 /// What `camera` sees, by `grid` times `grid` rays a pixel.
 pub fn paint(cast: &Cast, sky: &Sky, camera: &Camera, size: UVec2, grid: u32) -> Picture {
     let aspect = size.x as f32 / size.y as f32;
@@ -34,16 +37,16 @@ pub fn paint(cast: &Cast, sky: &Sky, camera: &Camera, size: UVec2, grid: u32) ->
         (sight.map_or_else(|| sky.radiance(direction), |s| s.radiance), sight)
     };
     let rows = (0..fine.y).into_par_iter().flat_map_iter(|y| (0..fine.x).map(move |x| (x, y)));
-    let seen: Vec<(Vec3, Option<Sight>)> = rows.map(|(x, y)| radiance(x, y)).collect();
+    let seen: Vec<Seen> = rows.map(|(x, y)| radiance(x, y)).collect();
     let is_lit = |sight: &Option<Sight>| sight.is_some_and(|s| !s.unlit);
     let exposure = auto_exposure(seen.iter().filter(|s| is_lit(&s.1)).map(|s| luminance(s.0)).collect());
     let cell =
         |x: u32, y: u32| (0..grid * grid).map(move |k| ((y * grid + k / grid) * fine.x + x * grid + k % grid) as usize);
-    let color = |&(radiance, sight): &(Vec3, Option<Sight>)| match sight {
+    let color = |&(radiance, sight): &Seen| match sight {
         Some(Sight { unlit: true, .. }) => radiance,
         _ => shown(radiance * exposure),
     };
-    let mean = |x: u32, y: u32, of: &dyn Fn(&(Vec3, Option<Sight>)) -> Vec3| {
+    let mean = |x: u32, y: u32, of: &dyn Fn(&Seen) -> Vec3| {
         cell(x, y).map(|k| of(&seen[k])).sum::<Vec3>() / (grid * grid) as f32
     };
     let pixels = || (0..size.y).flat_map(|y| (0..size.x).map(move |x| (x, y)));

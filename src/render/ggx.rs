@@ -1,5 +1,5 @@
-//! Rough metal: microfacets after GGX (Walter et al., 2007), with Smith's height-correlated masking and Schlick's Fresnel,
-//! as the core of glTF has it; half vectors from those that are visible (Heitz, "Sampling the GGX Distribution of Visible
+//! Rough metal: microfacets after GGX (Walter et al., 2007), with Smith's height-correlated masking and Schlick's Fresnel
+//! term, as the core of glTF has it; half vectors from those that are visible (Heitz, "Sampling the GGX Distribution of Visible
 //! Normals", JCGT 2018).
 
 use crate::math::Frame;
@@ -107,7 +107,7 @@ mod tests {
                 let flat = (1.0 - z * z).sqrt();
                 let l = Vec3::new(flat * libm::cosf(TAU * u.y), flat * libm::sinf(TAU * u.y), z);
                 let d = metal.frame.to_world(l);
-                metal.shine(d) * (z * TAU * sky(d))
+                metal.shine(d) * (TAU * sky(d))
             });
             let (drawn, even) = (drawn / n as f32, even.sum::<Vec3>() / n as f32);
             assert!((drawn / even - 1.0).abs().max_element() < 0.01, "{roughness}: {drawn} {even}");
@@ -132,7 +132,10 @@ mod tests {
                 let back = Vec3::new((1.0 - z * z).sqrt(), 0.0, z);
                 let metal = Metal::new(Vec3::Z, back, Vec3::ONE, 1.0, roughness);
                 let sum = points(4096).filter_map(|u| metal.sample(u)).map(|(_, s)| s).sum::<Vec3>() / 4096.0;
-                assert!(sum.max_element() <= 1.0 + 1e-3 && sum.min_element() > 0.4, "{roughness} {z}: {sum}");
+                assert!(sum.max_element() <= 1.0 + 1e-3 && sum.min_element() > 0.3, "{roughness} {z}: {sum}");
+                // In closed form: head on, as rough as can be.
+                let exact = 1.0 - std::f32::consts::LN_2;
+                assert!(roughness < 1.0 || z < 1.0 || (sum.x - exact).abs() < 1e-3, "{sum} {exact}");
             }
         }
     }

@@ -80,8 +80,8 @@ impl View<'_, '_> {
     /// Radiance that leaves a front towards unit `back`: what is known, and the mean of paths where that is not all.
     fn leaving(&self, hit: &Hit, back: Vec3, key: u32) -> Vec3 {
         let mut random = Random(hash(key, 0x7669_6577), 0);
-        let mut vertex = self.vertex(hit, back);
-        let known = self.known(&mut vertex, &mut random);
+        let vertex = self.vertex(hit, back);
+        let known = self.known(&vertex, &mut random);
         if vertex.lobes() == Vec2::ZERO {
             return known;
         }
@@ -96,7 +96,7 @@ impl View<'_, '_> {
     }
 
     /// What needs no path: emission, and the light that is known, on what is matt.
-    fn known(&self, vertex: &mut Vertex, random: &mut Random) -> Vec3 {
+    fn known(&self, vertex: &Vertex, random: &mut Random) -> Vec3 {
         let Vertex { surface, place, irradiance, .. } = vertex;
         let Some(mapped) = irradiance else { return surface.emission };
         let lamps = if surface.reflectance == Vec3::ZERO {
@@ -148,7 +148,7 @@ impl View<'_, '_> {
                 break;
             }
             vertex = self.vertex(&hit, -direction);
-            sum += weight * self.known(&mut vertex, &mut random);
+            sum += weight * self.known(&vertex, &mut random);
             if step >= SURE {
                 let on = weight.max_element().min(1.0);
                 if random.next() >= on {

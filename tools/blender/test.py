@@ -172,10 +172,10 @@ class Render(unittest.TestCase):
         self.assertLess(abs(figures[1]), bias)
 
     def test_mirror(self):
-        self.assert_near(self.difference("mirror", 0.0, lamp=False), 0.05, 0.02)
+        self.assert_near(self.difference("mirror", 0.0, lamp=False), 0.012, 0.004)
 
     def test_rough_metal_under_a_lamp(self):
-        self.assert_near(self.difference("rough", 0.4, lamp=True), 0.05, 0.02)
+        self.assert_near(self.difference("rough", 0.4, lamp=True), 0.012, 0.004)
 
 
 def with_metal(source, target, roughness, lamp):
