@@ -40,8 +40,8 @@ fn metal_in_a_furnace_has_its_colour() {
         assert!((0.599..0.75).contains(&radiance.y) && (0.199..0.5).contains(&radiance.z), "{radiance}");
     }
     for radiance in seen(metal(0.6), 256) {
-        // What is mirrored twice by microfacets is lost, as in glTF.
-        assert!(radiance.x < 1.001 && radiance.x > 0.8, "{radiance}");
+        // What microfacets mirror twice is lost, as in glTF: at a slant a quarter.
+        assert!(radiance.x < 1.02 && radiance.x > 0.7, "{radiance}");
     }
 }
 

@@ -13,14 +13,14 @@
 //! Light and matter are the contract's. One difference: the bake caps the mean reflectance of a texel, the audit that of
 //! each point.
 
-mod emitters;
+pub(crate) mod emitters;
 mod figures;
 mod lamps;
 mod lookup;
 mod path;
 mod points;
 mod sky;
-mod surface;
+pub(crate) mod surface;
 
 use crate::{
     atlas::{Coverage, NO_PAGE},

@@ -22,6 +22,8 @@ pub(super) struct Metal {
 
 /// Below this the slopes of microfacets drown in rounding.
 const SMOOTHEST: f32 = 1e-3;
+/// Below this metal is as good as a mirror: its directions find what shines, and looking for it does not.
+const SMOOTH: f32 = 0.01;
 
 impl Metal {
     /// Metal with this unit `normal`, seen from unit `back`: `share` of the surface, which reflects `color` head on.
@@ -31,6 +33,11 @@ impl Metal {
         // A shading normal may look away from the eye: then as if seen at a grazing angle.
         let view = Vec3::new(flat.x, flat.y, back.dot(normal).max(1e-4)).normalize();
         Metal { frame, normal, view, color, share, alpha: (roughness * roughness).max(SMOOTHEST) }
+    }
+
+    /// True for a mirror, or nearly.
+    pub fn is_smooth(&self) -> bool {
+        self.alpha < SMOOTH
     }
 
     /// A direction of the light that is mirrored to the eye, and what of it is.
@@ -55,18 +62,25 @@ impl Metal {
         Some((self.frame.to_world(l), share))
     }
 
+    /// Density, by solid angle, with which [`Metal::sample`] draws unit direction `d`.
+    pub fn density(&self, d: Vec3) -> f32 {
+        self.facets(d).map_or(0.0, |(_, _, facets)| facets / (4.0 * self.view.z * (1.0 + self.lambda(self.view))))
+    }
+
     /// Radiance to the eye for irradiance across the beam from unit direction `to_light`.
     pub fn shine(&self, to_light: Vec3) -> Vec3 {
-        let l = self.frame.flat(to_light).extend(to_light.dot(self.normal));
-        if l.z <= 0.0 {
-            return Vec3::ZERO;
-        }
-        let (v, a) = (self.view, self.alpha);
-        let h = (l + v).normalize();
+        let Some((l, h, facets)) = self.facets(to_light) else { return Vec3::ZERO };
+        let v = self.view;
+        self.fresnel(v.dot(h)) * (facets / (4.0 * v.z * (1.0 + self.lambda(v) + self.lambda(l))))
+    }
+
+    /// A direction around the normal, the half vector and how many facets face it (D); `None` below the surface.
+    fn facets(&self, d: Vec3) -> Option<(Vec3, Vec3, f32)> {
+        let l = self.frame.flat(d).extend(d.dot(self.normal));
+        let (h, a) = ((l + self.view).normalize(), self.alpha);
         // With h.z^2 + |h.xy|^2 = 1, so that smooth metal does not lose all digits.
-        let d = h.xy().length_squared() + a * a * h.z * h.z;
-        let d = a * a / (PI * d * d);
-        self.fresnel(v.dot(h)) * (d / (4.0 * v.z * (1.0 + self.lambda(v) + self.lambda(l))))
+        let bend = h.xy().length_squared() + a * a * h.z * h.z;
+        (l.z > 0.0).then(|| (l, h, a * a / (PI * bend * bend)))
     }
 
     fn fresnel(&self, cos: f32) -> Vec3 {
@@ -85,6 +99,7 @@ impl Metal {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::vec3;
 
     fn points(n: u32) -> impl Iterator<Item = Vec2> {
         (0..n).map(|i| {
@@ -109,6 +124,20 @@ mod tests {
                 let d = metal.frame.to_world(l);
                 metal.shine(d) * (TAU * sky(d))
             });
+            let whole: f32 = points(n)
+                .map(|u| {
+                    let flat = (1.0 - u.x * u.x).sqrt();
+                    metal.density(metal.frame.to_world(vec3(
+                        flat * libm::cosf(TAU * u.y),
+                        flat * libm::sinf(TAU * u.y),
+                        u.x,
+                    )))
+                })
+                .sum::<f32>()
+                * TAU
+                / n as f32;
+            let above = points(n).filter(|u| metal.sample(*u).is_some()).count() as f32 / n as f32;
+            assert!((whole - above).abs() < 0.01, "{roughness}: {whole} {above}");
             let (drawn, even) = (drawn / n as f32, even.sum::<Vec3>() / n as f32);
             assert!((drawn / even - 1.0).abs().max_element() < 0.01, "{roughness}: {drawn} {even}");
         }

@@ -2,8 +2,8 @@
 
 use super::{Random, ggx::Metal};
 use crate::{
+    audit::surface::Place,
     math::{Frame, square_to_disc},
-    patches::SurfacePoint,
     scene::{Light, LightKind},
     trace::{Segment, Tracer},
 };
@@ -23,14 +23,14 @@ struct Aim {
 }
 
 /// Irradiance from `lamps` at a place.
-pub(super) fn irradiance(tracer: &Tracer, place: &SurfacePoint, lamps: &[&Light], random: &mut Random) -> Vec3 {
+pub(super) fn irradiance(tracer: &Tracer, place: &Place, lamps: &[&Light], random: &mut Random) -> Vec3 {
     let aims = lamps.iter().filter_map(|lamp| aim(place, lamp, random));
     let of = |aim: &Aim| aim.across * aim.center.dot(place.normal).max(0.0);
     arriving(tracer, aims.collect(), of)
 }
 
 /// Light of all the scene's lamps that metal mirrors to the eye.
-pub(super) fn mirrored(tracer: &Tracer, place: &SurfacePoint, metal: &Metal, random: &mut Random) -> Vec3 {
+pub(super) fn mirrored(tracer: &Tracer, place: &Place, metal: &Metal, random: &mut Random) -> Vec3 {
     let aims = tracer.world.scene.lights.iter().filter_map(|lamp| aim(place, lamp, random));
     arriving(tracer, aims.collect(), |aim| aim.across * metal.shine(aim.segment.direction))
 }
@@ -43,7 +43,7 @@ fn arriving(tracer: &Tracer, mut aims: Vec<Aim>, of: impl Fn(&Aim) -> Vec3) -> V
     aims.iter().zip(through).map(|(aim, through)| of(aim) * through).sum()
 }
 
-fn aim(place: &SurfacePoint, light: &Light, random: &mut Random) -> Option<Aim> {
+fn aim(place: &Place, light: &Light, random: &mut Random) -> Option<Aim> {
     let (center, direction, t, across) = match light.kind {
         LightKind::Directional { angle } => {
             let center = -light.direction;

@@ -15,11 +15,12 @@ mod stored;
 pub use stored::{of_bake, of_file};
 
 use crate::{
-    math::{Frame, cosine_hemisphere, hash, unit_float},
-    patches::SurfacePoint,
+    audit::{emitters::Emitters, surface::Place},
+    lightmaps::Content,
+    math::{cosine_hemisphere, hash, unit_float},
     preview::Sight,
-    scene::{Light, Surface, World, shading_normal},
-    trace::{Hit, NOWHERE, Ray, Tracer, rounding},
+    scene::{Bake, Light, Surface},
+    trace::{Hit, NOWHERE, Ray, Tracer},
 };
 use ggx::Metal;
 use glam::{Vec2, Vec3};
@@ -30,12 +31,11 @@ pub type Known<'k> = dyn Fn(&Hit) -> Option<Vec3> + Sync + 'k;
 
 /// What view rays ask.
 pub struct View<'v, 's> {
-    /// Rays against the scene.
-    pub tracer: &'v Tracer<'s>,
-    /// The lightmap.
-    pub known: Box<Known<'v>>,
-    /// Lamps whose first hit it leaves out.
-    pub left_out: Vec<&'s Light>,
+    tracer: &'v Tracer<'s>,
+    known: Box<Known<'v>>,
+    /// Lamps whose first hit the map leaves out.
+    left_out: Vec<&'s Light>,
+    emitters: Option<Emitters>,
     /// Paths from a view ray that meets metal.
     pub paths: u32,
 }
@@ -57,9 +57,22 @@ impl Random {
     fn pair(&mut self) -> Vec2 {
         Vec2::new(self.next(), self.next())
     }
+
+    /// For a ray.
+    fn key(&mut self) -> u32 {
+        self.1 += 1;
+        hash(self.0, self.1 ^ 0x8000_0000)
+    }
 }
 
-impl View<'_, '_> {
+impl<'v, 's> View<'v, 's> {
+    /// A view of what `tracer` meets, in the light that is `known` to a map of this content.
+    pub fn new(tracer: &'v Tracer<'s>, known: Box<Known<'v>>, content: Content, paths: u32) -> Self {
+        let lights = tracer.world.scene.lights.iter();
+        let left_out = lights.filter(|l| l.bake != Bake::Full || content == Content::Indirect).collect();
+        View { tracer, known, left_out, emitters: Emitters::new(&tracer.world), paths }
+    }
+
     /// What a ray from `origin` in unit `direction` sees.
     pub fn sight(&self, origin: Vec3, direction: Vec3) -> Option<Sight> {
         let key = direction.to_array().map(f32::to_bits).into_iter().fold(0, hash);
@@ -81,7 +94,7 @@ impl View<'_, '_> {
     fn leaving(&self, hit: &Hit, back: Vec3, key: u32) -> Vec3 {
         let mut random = Random(hash(key, 0x7669_6577), 0);
         let vertex = self.vertex(hit, back);
-        let known = self.known(&vertex, &mut random);
+        let known = vertex.surface.emission + self.reflected(&vertex, &mut random);
         if vertex.lobes() == Vec2::ZERO {
             return known;
         }
@@ -92,19 +105,19 @@ impl View<'_, '_> {
         let world = &self.tracer.world;
         let (instance, t) = world.locate(hit.triangle);
         let surface = world.scene.surface(world.mesh(instance), t, hit.bary, 0.0);
-        Vertex { place: place(world, hit), surface, irradiance: (self.known)(hit), back }
+        Vertex { place: Place::of(world, hit), surface, irradiance: (self.known)(hit), back }
     }
 
-    /// What needs no path: emission, and the light that is known, on what is matt.
-    fn known(&self, vertex: &Vertex, random: &mut Random) -> Vec3 {
+    /// What a matt surface reflects of the light that is known.
+    fn reflected(&self, vertex: &Vertex, random: &mut Random) -> Vec3 {
         let Vertex { surface, place, irradiance, .. } = vertex;
-        let Some(mapped) = irradiance else { return surface.emission };
-        let lamps = if surface.reflectance == Vec3::ZERO {
-            Vec3::ZERO
-        } else {
-            lamps::irradiance(self.tracer, place, &self.left_out, random)
-        };
-        surface.emission + surface.reflectance * (*mapped + lamps) / PI
+        match irradiance {
+            Some(mapped) if surface.reflectance != Vec3::ZERO => {
+                let lamps = lamps::irradiance(self.tracer, place, &self.left_out, random);
+                surface.reflectance * (*mapped + lamps) / PI
+            }
+            _ => Vec3::ZERO,
+        }
     }
 
     /// What path `index` from a vertex finds beyond that.
@@ -122,23 +135,13 @@ impl View<'_, '_> {
             let u = if step == 0 { net(index, key) } else { random.pair() };
             let mirrors = random.next() * all < lobes.x;
             weight *= all / if mirrors { lobes.x } else { lobes.y };
-            let Vertex { place, surface, .. } = &vertex;
-            let direction = if mirrors {
-                let metal = vertex.metal();
-                sum += weight * lamps::mirrored(self.tracer, place, &metal, &mut random);
-                let Some((direction, share)) = metal.sample(u) else { break };
-                weight *= share;
-                direction
-            } else {
-                let lamps = &world.scene.lights.iter().collect::<Vec<_>>();
-                sum += weight * surface.reflectance * lamps::irradiance(self.tracer, place, lamps, &mut random) / PI;
-                weight *= surface.reflectance;
-                place.frame.to_world(cosine_hemisphere(u))
-            };
-            if direction.dot(place.face) <= 0.0 {
-                break;
-            }
-            let mut ray = place.ray(direction, hash(random.0, random.1 ^ 0x8000_0000));
+            let lobe = vertex.lobe(mirrors);
+            let place = vertex.place;
+            sum += weight * self.from_lamps(&vertex, &lobe, &mut random);
+            sum += weight * self.from_emitters(&place, &lobe, &mut random);
+            let Some((direction, share)) = lobe.sample(&place, u) else { break };
+            let mut ray = place.ray(direction, random.key());
+            weight *= share;
             let Some(hit) = self.front(&mut ray) else {
                 sum += weight * world.scene.sky.radiance(direction);
                 break;
@@ -148,7 +151,13 @@ impl View<'_, '_> {
                 break;
             }
             vertex = self.vertex(&hit, -direction);
-            sum += weight * self.known(&vertex, &mut random);
+            // Emitters are looked for, too: the balance heuristic.
+            let by_lobe = lobe.density(&place, direction);
+            let distance = vertex.place.position.distance(place.position);
+            let by_light =
+                self.emitters_for(&lobe).map_or(0.0, |e| e.density(hit.triangle, &place, direction, distance));
+            sum += weight * vertex.surface.emission * (by_lobe / (by_lobe + by_light).max(f32::MIN_POSITIVE));
+            sum += weight * self.reflected(&vertex, &mut random);
             if step >= SURE {
                 let on = weight.max_element().min(1.0);
                 if random.next() >= on {
@@ -158,6 +167,37 @@ impl View<'_, '_> {
             }
         }
         if sum.is_finite() { sum } else { Vec3::ZERO }
+    }
+
+    /// Light of lamps that goes on at a vertex.
+    fn from_lamps(&self, vertex: &Vertex, lobe: &Lobe, random: &mut Random) -> Vec3 {
+        match lobe {
+            Lobe::Metal(metal) => lamps::mirrored(self.tracer, &vertex.place, metal, random),
+            Lobe::Matt(reflectance) => {
+                let all = self.tracer.world.scene.lights.iter().collect::<Vec<_>>();
+                *reflectance * lamps::irradiance(self.tracer, &vertex.place, &all, random) / PI
+            }
+        }
+    }
+
+    /// What is looked for; a mirror finds it by itself.
+    fn emitters_for(&self, lobe: &Lobe) -> Option<&Emitters> {
+        let mirror = matches!(lobe, Lobe::Metal(metal) if metal.is_smooth());
+        self.emitters.as_ref().filter(|_| !mirror)
+    }
+
+    /// The share of emitters' light that is found by looking for them.
+    fn from_emitters(&self, place: &Place, lobe: &Lobe, random: &mut Random) -> Vec3 {
+        let world = &self.tracer.world;
+        let sample = self.emitters_for(lobe).and_then(|e| e.sample(world, place, random.pair()));
+        let Some(s) = sample else { return Vec3::ZERO };
+        let light = lobe.shine(place, s.direction) * s.radiance / (s.density + lobe.density(place, s.direction));
+        let mut ray = place.ray(s.direction, random.key());
+        let seen = light != Vec3::ZERO && {
+            let met = self.front(&mut ray).map(|hit| Place::of(world, &hit).position.distance(place.position));
+            met.is_none_or(|distance| distance > s.distance * 0.9999)
+        };
+        if seen { light } else { Vec3::ZERO }
     }
 
     /// The first front along a ray.
@@ -183,7 +223,7 @@ impl View<'_, '_> {
 /// Where a path stands.
 #[derive(Clone, Copy)]
 struct Vertex {
-    place: SurfacePoint,
+    place: Place,
     surface: Surface,
     irradiance: Option<Vec3>,
     /// Unit vector to where the path comes from.
@@ -197,24 +237,47 @@ impl Vertex {
         Vec2::new(self.surface.mirror.max_element(), matt)
     }
 
-    fn metal(&self) -> Metal {
-        let Surface { mirror, dielectric, roughness, .. } = self.surface;
-        Metal::new(self.place.normal, self.back, mirror, 1.0 - dielectric, roughness)
+    fn lobe(&self, mirrors: bool) -> Lobe {
+        let Surface { mirror, reflectance, dielectric, roughness, .. } = self.surface;
+        if mirrors {
+            Lobe::Metal(Metal::new(self.place.normal, self.back, mirror, 1.0 - dielectric, roughness))
+        } else {
+            Lobe::Matt(reflectance)
+        }
     }
 }
 
-/// The point where a ray ended, on the side that it met.
-fn place(world: &World, hit: &Hit) -> SurfacePoint {
-    let (instance, local) = world.locate(hit.triangle);
-    let corners = world.corners(instance, local);
-    let [a, b, c] = corners;
-    let face = world.cross(instance, &corners).normalize_or_zero();
-    let smooth = world.smooth_normals(instance, local, face);
-    let normal = smooth.map_or(face, |corners| shading_normal(&corners, hit.bary, face));
-    let position = a + (b - a) * hit.bary.x + (c - a) * hit.bary.y;
-    let (frame, offset) = (Frame::around(normal), rounding(&corners));
-    let front = SurfacePoint { position, face, normal, frame, triangle: hit.triangle, bary: hit.bary, offset };
-    if hit.front { front } else { front.reversed() }
+/// How light goes on at a vertex.
+enum Lobe {
+    Metal(Metal),
+    Matt(Vec3),
+}
+
+impl Lobe {
+    /// A direction, and what of the light from there goes on.
+    fn sample(&self, place: &Place, u: Vec2) -> Option<(Vec3, Vec3)> {
+        let drawn = match self {
+            Lobe::Metal(metal) => metal.sample(u),
+            Lobe::Matt(reflectance) => Some((place.frame().to_world(cosine_hemisphere(u)), *reflectance)),
+        };
+        drawn.filter(|(direction, _)| direction.dot(place.face) > 0.0)
+    }
+
+    /// Density of directions, by solid angle.
+    fn density(&self, place: &Place, d: Vec3) -> f32 {
+        match self {
+            Lobe::Metal(metal) => metal.density(d),
+            Lobe::Matt(_) => d.dot(place.normal).max(0.0) / PI,
+        }
+    }
+
+    /// Radiance that goes on, for irradiance across the beam from unit direction `d`.
+    fn shine(&self, place: &Place, d: Vec3) -> Vec3 {
+        match self {
+            Lobe::Metal(metal) => metal.shine(d),
+            Lobe::Matt(reflectance) => *reflectance * (d.dot(place.normal).max(0.0) / PI),
+        }
+    }
 }
 
 /// Point `index` of the net `key` in the unit square.

@@ -5,7 +5,6 @@ use crate::{
     atlas::{Coverage, NO_PAGE},
     bake::Baked,
     lightmaps::{Content, Lightmaps},
-    scene::{Bake, Light},
     trace::{Hit, Tracer},
 };
 use glam::Vec3;
@@ -23,7 +22,7 @@ pub fn of_bake<'v, 's>(baked: &'v Baked<'s>, paths: u32) -> View<'v, 's> {
         let texel = baked.coverage.texel_near(charted, at);
         Some(texel.map_or(Vec3::ZERO, |t| baked.irradiance[t as usize]))
     };
-    View { tracer: &baked.tracer, known: Box::new(known), left_out: left_out(&baked.tracer, content), paths }
+    View::new(&baked.tracer, Box::new(known), content, paths)
 }
 
 /// A view of what a file holds. Its direct light alone is shown as it is.
@@ -37,11 +36,5 @@ pub fn of_file<'v, 's>(
         let charted = &coverage.charted[hit.triangle as usize];
         (charted.page != NO_PAGE).then(|| lightmaps.pages[charted.page as usize].bilinear(charted.at(hit.bary)))
     };
-    View { tracer, known: Box::new(known), left_out: left_out(tracer, lightmaps.content), paths }
-}
-
-/// Lamps that a map of this content leaves to the engine.
-fn left_out<'s>(tracer: &Tracer<'s>, content: Content) -> Vec<&'s Light> {
-    let lights = tracer.world.scene.lights.iter();
-    lights.filter(|l| l.bake != Bake::Full || content == Content::Indirect).collect()
+    View::new(tracer, Box::new(known), lightmaps.content, paths)
 }
