@@ -137,8 +137,8 @@ impl<'v, 's> View<'v, 's> {
             weight *= all / if mirrors { lobes.x } else { lobes.y };
             let lobe = vertex.lobe(mirrors);
             let place = vertex.place;
-            sum += weight * self.from_lamps(&vertex, &lobe, &mut random);
-            sum += weight * self.from_emitters(&place, &lobe, &mut random);
+            sum += weight * self.lamplight(&vertex, &lobe, &mut random);
+            sum += weight * self.emitted(&place, &lobe, &mut random);
             let Some((direction, share)) = lobe.sample(&place, u) else { break };
             let mut ray = place.ray(direction, random.key());
             weight *= share;
@@ -170,7 +170,7 @@ impl<'v, 's> View<'v, 's> {
     }
 
     /// Light of lamps that goes on at a vertex.
-    fn from_lamps(&self, vertex: &Vertex, lobe: &Lobe, random: &mut Random) -> Vec3 {
+    fn lamplight(&self, vertex: &Vertex, lobe: &Lobe, random: &mut Random) -> Vec3 {
         match lobe {
             Lobe::Metal(metal) => lamps::mirrored(self.tracer, &vertex.place, metal, random),
             Lobe::Matt(reflectance) => {
@@ -187,7 +187,7 @@ impl<'v, 's> View<'v, 's> {
     }
 
     /// The share of emitters' light that is found by looking for them.
-    fn from_emitters(&self, place: &Place, lobe: &Lobe, random: &mut Random) -> Vec3 {
+    fn emitted(&self, place: &Place, lobe: &Lobe, random: &mut Random) -> Vec3 {
         let world = &self.tracer.world;
         let sample = self.emitters_for(lobe).and_then(|e| e.sample(world, place, random.pair()));
         let Some(s) = sample else { return Vec3::ZERO };
