@@ -6,6 +6,7 @@
 //!
 //! Each module is a room named after the one type that leaves it; a room imports only rooms listed above it.
 //! [`bake::bake`] is the whole pipeline. It touches no file: [`gltf`] holds the two doors.
+//! [`preview`], [`render`] and [`inspect`] are for the eye.
 //!
 //! Units: metres, radiometric quantities without spectral weight; the lightmap stores irradiance E. Linear Rec. 709.
 
@@ -38,3 +39,7 @@ pub mod gltf;
 pub mod bake;
 
 pub mod preview;
+
+pub mod render;
+
+pub mod inspect;

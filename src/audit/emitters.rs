@@ -12,7 +12,7 @@ use glam::{Vec2, Vec3};
 use std::collections::HashMap;
 
 /// All that emits.
-pub(super) struct Emitters {
+pub(crate) struct Emitters {
     lamps: Vec<Lamp>,
     nodes: Vec<Node>,
     /// The leaf of each emitting global triangle.
@@ -41,7 +41,7 @@ struct Node {
 }
 
 /// A point on an emitter as seen from a place.
-pub(super) struct Sample {
+pub(crate) struct Sample {
     /// Unit direction.
     pub direction: Vec3,
     /// Metres.

@@ -14,14 +14,14 @@
 //! Light and matter are the contract's. One difference: the bake caps the mean reflectance of a texel, the audit that of
 //! each point.
 
-mod emitters;
+pub(crate) mod emitters;
 mod figures;
 mod lamps;
 mod lookup;
 mod path;
 mod points;
 mod sky;
-mod surface;
+pub(crate) mod surface;
 
 use crate::{
     atlas::{Coverage, NO_PAGE},
@@ -234,9 +234,7 @@ impl Budget {
 impl Subject<'_, '_> {
     /// What the map says of a covered texel; 0 on pages that it does not have.
     fn value(&self, texel: usize) -> Vec3 {
-        let t = self.coverage.texels[texel];
-        let map = self.lightmaps.pages.get(t.page as usize);
-        map.map_or(Vec3::ZERO, |map| map.irradiance[(t.at.y * map.size.x + t.at.x) as usize])
+        self.lightmaps.value(self.coverage, texel)
     }
 
     /// What the map says of the irradiance where a ray ended; 0 where it says nothing.

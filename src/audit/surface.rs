@@ -10,7 +10,7 @@ use glam::{DVec2, Vec2, Vec3};
 
 /// A place on a surface, seen from the side that receives light.
 #[derive(Clone, Copy)]
-pub(super) struct Place {
+pub(crate) struct Place {
     /// World position, on the face.
     pub position: Vec3,
     /// Unit face normal.

@@ -9,6 +9,7 @@ use super::{
     progress::Progress,
     signals,
     summary::{self, Extra},
+    units,
 };
 use luxel::{
     atlas,
@@ -36,6 +37,7 @@ pub fn run(args: &args::Bake) -> Result<ExitCode> {
     let mut said = Warnings::default();
     said.add(warnings);
     said.add(lights::add(&mut scene, args.sky.as_ref(), args.sun.as_ref())?);
+    said.add(units::differ(&scene).into_iter().collect());
     let camera = camera::choose(&scene, args.camera.as_ref())?;
 
     let observer = Progress::new(args.quiet);

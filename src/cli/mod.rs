@@ -1,4 +1,4 @@
-//! The command line: arguments to a bake or an audit, a bake to files, text and an exit code. The only code that knows clap.
+//! The command line: arguments to what they ask for, its results to files, text and an exit code. The only code that knows clap.
 //!
 //! stdout carries the result (a summary, or the report's JSON); stderr everything else.
 //! Exit: 0 done, 1 failed (with `--strict` also: done with warnings), 2 wrong usage, 3 input, 4 target missed, 130 interrupted.
@@ -6,14 +6,18 @@
 mod args;
 mod audit;
 mod bake;
+mod baked;
 mod camera;
 mod console;
+mod inspect;
 mod lights;
 mod outputs;
 mod pictures;
 mod progress;
+mod render;
 mod signals;
 mod summary;
+mod units;
 mod values;
 
 use args::{Args, Command};
@@ -33,6 +37,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let result = match args.command {
         Command::Bake(options) => bake::run(&options),
         Command::Audit(options) => audit::run(&options),
+        Command::Render(options) => render::run(&options),
+        Command::Inspect(options) => inspect::run(&options),
     };
     result.unwrap_or_else(|error| {
         console::error(&error);

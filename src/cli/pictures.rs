@@ -1,28 +1,58 @@
-//! A finished bake as a picture: the preview.
+//! A lit scene as a picture: `luxel render`'s, and the preview of a bake.
 
 use super::camera;
-use glam::{UVec2, Vec3};
+use glam::UVec2;
 use luxel::{
     bake::Baked,
-    files,
-    pixels::encode_png,
-    preview::{self, Picture},
-    scene::{Camera, Scene},
+    error::{Error, Result},
+    files::{self, has_extension},
+    pixels::{encode_png, exr},
+    preview::{self, Cast, Picture},
+    render::{self, View},
+    scene::{Camera, Scene, Sky},
 };
-use std::path::Path;
+use std::{io, path::Path};
 
 /// Width and height of the preview.
 const SIZE: UVec2 = UVec2::new(960, 540);
+/// Rays a pixel and axis, and paths of each where it meets metal.
+const GRID: u32 = 2;
+const PATHS: u32 = 16;
 
-/// What `camera`, or a camera that is found, sees of the baked scene.
+/// What `camera`, or a camera that is found, sees of what was just baked.
 pub fn preview(scene: &Scene, baked: &Baked, camera: Option<Camera>) -> Picture {
-    let cast = |origin: Vec3, direction: Vec3| preview::sight(baked, origin, direction);
-    let aspect = SIZE.x as f32 / SIZE.y as f32;
-    let camera = camera.unwrap_or_else(|| camera::find(scene, &cast, aspect));
-    preview::paint(&cast, &scene.sky, &camera, SIZE)
+    paint(scene, &mut render::of_bake(baked, PATHS), camera, SIZE, GRID)
 }
 
-/// Writes a picture as PNG, whole or not at all.
-pub fn write(picture: &Picture, file: &Path) -> luxel::error::Result<()> {
-    files::write_whole(file, |out| out.write_all(&encode_png(picture.size, &picture.rgb)?))
+/// What `camera`, or one that is found, sees by `grid` times `grid` rays a pixel.
+pub fn paint(scene: &Scene, view: &mut View, camera: Option<Camera>, size: UVec2, grid: u32) -> Picture {
+    let camera = camera.unwrap_or_else(|| {
+        // To choose where to stand, a glance is enough.
+        let paths = std::mem::replace(&mut view.paths, 1);
+        let camera = camera::find(scene, &|o, d| view.sight(o, d), size.x as f32 / size.y as f32);
+        view.paths = paths;
+        camera
+    });
+    preview::paint(&|o, d| view.sight(o, d), &scene.sky, &camera, size, grid)
+}
+
+/// What a ray sees as it is, without a sky.
+pub fn plain(cast: &Cast, camera: &Camera) -> Picture {
+    preview::paint(cast, &Sky::Black, camera, SIZE, GRID)
+}
+
+/// Width of such a picture over its height.
+pub fn aspect() -> f32 {
+    SIZE.x as f32 / SIZE.y as f32
+}
+
+/// Writes a picture, whole or not at all: radiance as EXR, what is shown of it as PNG.
+pub fn write(picture: &Picture, file: &Path) -> Result<()> {
+    let bytes = if has_extension(file, &["exr"]) {
+        exr::encode(picture.size, &picture.radiance, true).map(|e| e.bytes).map_err(io::Error::other)
+    } else {
+        encode_png(picture.size, &picture.rgb)
+    };
+    let bytes = bytes.map_err(|e| Error::writing(file, e))?;
+    files::write_whole(file, |out| out.write_all(&bytes))
 }

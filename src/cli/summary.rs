@@ -34,17 +34,26 @@ pub fn text(report: &Report, audit: Option<&Audit>, out: &Path, extras: &[Extra]
     if report.peak_memory_mb > 0 {
         lines.push(("memory", format!("{} MB at most", count(report.peak_memory_mb))));
     }
-    for extra in extras {
-        lines.push((extra.name, format!("{}, exposure {}", extra.file.display(), digits(extra.exposure.into()))));
+    for Extra { name, file, exposure } in extras {
+        lines.push((name, exposed(file, *exposure)));
     }
     lines.extend(audit.into_iter().flat_map(audited));
     lines.push(("warnings", report.warnings.len().to_string()));
-    aligned(&lines)
+    self::lines(&lines)
+}
+
+/// A picture alone.
+pub fn picture(file: &Path, exposure: f32) -> String {
+    lines(&[("picture", exposed(file, exposure))])
+}
+
+fn exposed(file: &Path, exposure: f32) -> String {
+    format!("{}, exposure {}", file.display(), digits(exposure.into()))
 }
 
 /// An audit alone.
 pub fn audit(audit: &Audit) -> String {
-    aligned(&audited(audit))
+    lines(&audited(audit))
 }
 
 /// Figures and what they were found with.
@@ -72,7 +81,8 @@ fn audited(audit: &Audit) -> Vec<(&'static str, String)> {
     lines
 }
 
-fn aligned(lines: &[(&str, String)]) -> String {
+/// Subjects and what is to be said of them.
+pub fn lines(lines: &[(&str, String)]) -> String {
     lines.iter().fold(String::new(), |mut text, (name, value)| {
         let _ = writeln!(text, "{name:<10} {value}");
         text

@@ -1,6 +1,6 @@
 //! Option values: text to numbers and wishes, with messages that say what is expected.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, UVec2, Vec3};
 use luxel::files::has_extension;
 use std::{
     fmt,
@@ -98,6 +98,22 @@ pub fn glob(text: &str) -> Parsed<String> {
 pub fn png() -> impl clap::builder::TypedValueParser<Value = PathBuf> {
     use clap::builder::TypedValueParser;
     clap::builder::PathBufValueParser::new().try_map(|p| with_extension(p, "png"))
+}
+
+/// A picture's name, for the eye (PNG) or for reckoning (EXR).
+pub fn picture() -> impl clap::builder::TypedValueParser<Value = PathBuf> {
+    use clap::builder::TypedValueParser;
+    clap::builder::PathBufValueParser::new().try_map(|path| match has_extension(&path, &["png", "exr"]) {
+        true => Ok(path),
+        false => Err("the name must end in .png or .exr"),
+    })
+}
+
+/// Width and height, `960x540`.
+pub fn size(text: &str) -> Parsed<UVec2> {
+    let edge = |edge: &str| edge.parse().ok().filter(|n| (1..=16384).contains(n));
+    let size = text.split_once('x').and_then(|(w, h)| Some(UVec2::new(edge(w)?, edge(h)?)));
+    size.ok_or_else(|| "expected width and height, 1 to 16384, as in 960x540".into())
 }
 
 /// A GLB file's name.

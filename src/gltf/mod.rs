@@ -6,5 +6,5 @@ mod uri;
 mod write;
 
 pub use document::{Document, External};
-pub use read::{Bound, Input, ReadOptions, Record, bound, open, read, read_scene, record};
+pub use read::{Bound, Input, ReadOptions, Record, bound, check_lights, open, read, read_scene, record};
 pub use write::{Remarks, WriteOptions, check, write, write_flat};

@@ -133,6 +133,15 @@ impl Lightmaps {
     }
 }
 
+impl Lightmaps {
+    /// Irradiance of a covered texel; 0 on pages that there are not.
+    pub fn value(&self, coverage: &Coverage, texel: usize) -> Vec3 {
+        let t = coverage.texels[texel];
+        let map = self.pages.get(t.page as usize);
+        map.map_or(Vec3::ZERO, |map| map.irradiance[(t.at.y * map.size.x + t.at.x) as usize])
+    }
+}
+
 /// Which chart a texel belongs to, by its largest piece.
 struct Charts<'a> {
     world: &'a World<'a>,

@@ -1,12 +1,11 @@
-//! A finished bake as the eye has it: the light that leaves its surfaces.
+//! A finished bake as pages of the light that leaves its surfaces.
 
-use super::{Sight, auto_exposure};
+use super::auto_exposure;
 use crate::{
     atlas::NO_TEXEL,
     bake::Baked,
     lightmaps::{Content, gutters},
-    math::{hash, luminance},
-    trace::{Hit, NOWHERE, Ray},
+    math::luminance,
 };
 use glam::{UVec2, Vec3};
 use std::f32::consts::PI;
@@ -34,34 +33,4 @@ fn radiance(baked: &Baked, page: usize, at: usize, texel: usize) -> Vec3 {
     let map = baked.lightmaps.pages.get(page).filter(|_| baked.lightmaps.content == Content::Full);
     let irradiance = map.map_or(baked.irradiance[texel], |map| map.irradiance[at]);
     (baked.patches.reflectance[texel] * irradiance + baked.patches.exitance[texel]) / PI
-}
-
-/// What a ray sees: the surface in the light of the map, as a viewer would draw it.
-pub fn sight(baked: &Baked, origin: Vec3, direction: Vec3) -> Option<Sight> {
-    let world = &baked.tracer.world;
-    let scene = world.scene;
-    let key = direction.to_array().map(f32::to_bits).into_iter().fold(0, hash);
-    let hit = baked.tracer.closest(&Ray { origin, direction, key, from: NOWHERE })?;
-    let front = hit.front || world.material(hit.triangle).double_sided;
-    let (instance, t) = world.locate(hit.triangle);
-    let (mesh, unlit) = (world.mesh(instance), world.material(hit.triangle).unlit);
-    let radiance = if unlit {
-        scene.base_color(mesh, t, hit.bary, 0.0).truncate()
-    } else {
-        let surface = scene.surface(mesh, t, hit.bary, 0.0);
-        surface.reflectance * seen_irradiance(baked, &hit) / PI + surface.emission
-    };
-    Some(Sight { distance: hit.t, front, radiance, unlit })
-}
-
-/// Bilinear irradiance of the lightmap, or of the patch where the map does not hold all light.
-fn seen_irradiance(baked: &Baked, hit: &Hit) -> Vec3 {
-    let charted = &baked.coverage.charted[hit.triangle as usize];
-    let Some(page) = baked.atlas.pages.get(charted.page as usize) else { return Vec3::ZERO };
-    let at = charted.at(hit.bary);
-    if !page.hidden && baked.lightmaps.content == Content::Full {
-        return baked.lightmaps.pages[charted.page as usize].bilinear(at);
-    }
-    let texel = baked.coverage.texel_near(charted, at);
-    texel.map_or(Vec3::ZERO, |t| baked.irradiance[t as usize])
 }

@@ -7,7 +7,7 @@ mod baked;
 mod frame;
 mod paint;
 
-pub use baked::{flat, sight};
+pub use baked::flat;
 pub use frame::{at, frame};
 pub use paint::{Picture, auto_exposure, paint};
 
@@ -20,7 +20,7 @@ pub struct Sight {
     pub distance: f32,
     /// True on a side that reflects; false on the back of a single-sided surface.
     pub front: bool,
-    /// Radiance towards the ray: rho E / pi and what is emitted.
+    /// Radiance towards the ray: rho E / pi, what is mirrored and what is emitted.
     pub radiance: Vec3,
     /// True if `radiance` is a colour to be shown as it is, whatever the exposure.
     pub unlit: bool,
@@ -102,7 +102,7 @@ mod tests {
         for half in [Vec3::ONE, Vec3::new(6.0, 1.5, 2.0), Vec3::splat(280.0)] {
             let room = room(half, false);
             let camera = frame(&room, -half, half, 16.0 / 9.0);
-            let picture = paint(&room, &crate::scene::Sky::Black, &camera, glam::UVec2::new(64, 36));
+            let picture = paint(&room, &crate::scene::Sky::Black, &camera, glam::UVec2::new(64, 36), 2);
             let dark = picture.rgb.iter().filter(|c| c[0] == 0).count();
             assert!(dark < picture.rgb.len() / 10, "{camera:?}: {dark}");
         }

@@ -1,4 +1,4 @@
-//! The picture: two by two rays a pixel, exposed for what is seen, rolled off in the highlights, sRGB.
+//! The picture: a grid of rays a pixel, exposed for what is seen, rolled off in the highlights, sRGB.
 
 use super::{Cast, Sight, axes, half_extent, see};
 use crate::{
@@ -15,19 +15,21 @@ pub struct Picture {
     pub size: UVec2,
     /// sRGB, rows from the top.
     pub rgb: Vec<[u8; 3]>,
+    /// Mean radiance of each pixel, not exposed.
+    pub radiance: Vec<Vec3>,
     /// Factor from radiance to the linear values shown.
     pub exposure: f32,
 }
 
-/// Rays a pixel and axis.
-const GRID: u32 = 2;
+/// Radiance along a ray, and the surface that it comes from, if any.
+type Seen = (Vec3, Option<Sight>);
 
-/// What `camera` sees.
-pub fn paint(cast: &Cast, sky: &Sky, camera: &Camera, size: UVec2) -> Picture {
+/// What `camera` sees, by `grid` times `grid` rays a pixel.
+pub fn paint(cast: &Cast, sky: &Sky, camera: &Camera, size: UVec2, grid: u32) -> Picture {
     let aspect = size.x as f32 / size.y as f32;
     let (tan_x, tan_y) = half_extent(camera.yfov, aspect);
     let (right, up) = axes(camera.forward, camera.up);
-    let fine = size * GRID;
+    let fine = size * grid;
     let radiance = |x: u32, y: u32| {
         let at = (Vec2::new(x as f32, y as f32) + 0.5) / fine.as_vec2() * 2.0 - 1.0;
         let direction = (camera.forward + right * (at.x * tan_x) - up * (at.y * tan_y)).normalize();
@@ -35,20 +37,22 @@ pub fn paint(cast: &Cast, sky: &Sky, camera: &Camera, size: UVec2) -> Picture {
         (sight.map_or_else(|| sky.radiance(direction), |s| s.radiance), sight)
     };
     let rows = (0..fine.y).into_par_iter().flat_map_iter(|y| (0..fine.x).map(move |x| (x, y)));
-    let seen: Vec<(Vec3, Option<Sight>)> = rows.map(|(x, y)| radiance(x, y)).collect();
+    let seen: Vec<Seen> = rows.map(|(x, y)| radiance(x, y)).collect();
     let is_lit = |sight: &Option<Sight>| sight.is_some_and(|s| !s.unlit);
     let exposure = auto_exposure(seen.iter().filter(|s| is_lit(&s.1)).map(|s| luminance(s.0)).collect());
-    let pixel = |x: u32, y: u32| {
-        let cell = (0..GRID * GRID).map(|k| ((y * GRID + k / GRID) * fine.x + x * GRID + k % GRID) as usize);
-        let color = |(radiance, sight): (Vec3, Option<Sight>)| match sight {
-            Some(Sight { unlit: true, .. }) => radiance,
-            _ => shown(radiance * exposure),
-        };
-        let sum: Vec3 = cell.map(|k| color(seen[k])).sum();
-        srgb(sum / (GRID * GRID) as f32)
+    let cell =
+        |x: u32, y: u32| (0..grid * grid).map(move |k| ((y * grid + k / grid) * fine.x + x * grid + k % grid) as usize);
+    let color = |&(radiance, sight): &Seen| match sight {
+        Some(Sight { unlit: true, .. }) => radiance,
+        _ => shown(radiance * exposure),
     };
-    let rgb = (0..size.y).flat_map(|y| (0..size.x).map(move |x| (x, y))).map(|(x, y)| pixel(x, y)).collect();
-    Picture { size, rgb, exposure }
+    let mean = |x: u32, y: u32, of: &dyn Fn(&Seen) -> Vec3| {
+        cell(x, y).map(|k| of(&seen[k])).sum::<Vec3>() / (grid * grid) as f32
+    };
+    let pixels = || (0..size.y).flat_map(|y| (0..size.x).map(move |x| (x, y)));
+    let rgb = pixels().map(|(x, y)| srgb(mean(x, y, &color))).collect();
+    let radiance = pixels().map(|(x, y)| mean(x, y, &|seen| seen.0)).collect();
+    Picture { size, rgb, radiance, exposure }
 }
 
 /// Factor that shows surfaces of these luminances well: the 95th percentile at .8, unless a few lights or patches of
@@ -106,7 +110,7 @@ mod tests {
             (d.y > 0.0).then_some(Sight { distance: 1.0, front: true, radiance: Vec3::ONE, unlit: false })
         };
         let camera = super::super::at(Vec3::ZERO, Vec3::NEG_Z, 1.0);
-        let picture = paint(&sky, &Sky::Black, &camera, UVec2::new(4, 4));
+        let picture = paint(&sky, &Sky::Black, &camera, UVec2::new(4, 4), 2);
         assert_eq!((picture.rgb.len(), picture.rgb[15]), (16, [0; 3]));
         assert!(picture.rgb[0][0] > 200);
     }

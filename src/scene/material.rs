@@ -14,7 +14,9 @@ pub struct Material {
     pub base_texture: Option<TextureRef>,
     /// Metals reflect no diffuse light: reflectance is multiplied by 1 - metallic.
     pub metallic: f32,
-    /// Its blue channel multiplies `metallic`.
+    /// Of microfacets, for pictures: 0 is a mirror.
+    pub roughness: f32,
+    /// Its blue channel multiplies `metallic`, its green one `roughness`.
     pub metallic_texture: Option<TextureRef>,
     /// Emitted radiance L (W/m^2/sr); exitance M = pi L.
     pub emission: Vec3,
@@ -51,6 +53,7 @@ impl Default for Material {
             base_color: Vec4::new(0.8, 0.8, 0.8, 1.0),
             base_texture: None,
             metallic: 0.0,
+            roughness: 1.0,
             metallic_texture: None,
             emission: Vec3::ZERO,
             emission_texture: None,
@@ -86,6 +89,10 @@ pub struct Surface {
     pub transmittance: Vec3,
     /// Share of `1 - metallic`; 1 for a dielectric.
     pub dielectric: f32,
+    /// What the metallic share mirrors head on, rgb in [0, 1]. Light that bounces knows nothing of it.
+    pub mirror: Vec3,
+    /// Roughness of that mirror.
+    pub roughness: f32,
 }
 
 impl Scene {
@@ -103,7 +110,8 @@ impl Scene {
         }
         let look = |r: &Option<TextureRef>| r.as_ref().map_or(Vec4::ONE, |r| self.texel(r, mesh, t, bary, footprint));
         let base = self.base_color(mesh, t, bary, footprint);
-        let dielectric = 1.0 - m.metallic * look(&m.metallic_texture).z;
+        let metal = look(&m.metallic_texture);
+        let dielectric = 1.0 - m.metallic * metal.z;
         let through = m.transmission * look(&m.transmission_texture).x;
         let holes = match m.alpha {
             Alpha::Opaque => 0.0,
@@ -113,12 +121,15 @@ impl Scene {
         let albedo = base.truncate().clamp(Vec3::ZERO, Vec3::ONE);
         // Rays meet the surface with probability 1 - mean transmittance: what it reflects is given that they do.
         let met = 1.0 - through * albedo.element_sum() / 3.0;
-        let reflectance = albedo * dielectric * ((1.0 - through) / met.max(1e-6));
+        let kept = (1.0 - through) / met.max(1e-6);
+        let reflectance = albedo * dielectric * kept;
         Surface {
             reflectance: reflectance.min(Vec3::ONE),
             emission: m.emission * look(&m.emission_texture).truncate(),
             transmittance: Vec3::splat(holes) + albedo * through * (1.0 - holes),
             dielectric,
+            mirror: (albedo * (1.0 - dielectric) * kept).min(Vec3::ONE),
+            roughness: m.roughness * metal.y,
         }
     }
 

@@ -6,9 +6,18 @@ export const look = {
   albedoOnly: { value: false },
   gloss: { value: true },
   texelGrid: { value: false },
+  inspected: { value: false },
 };
 
-const DECLARATIONS = Object.keys(look).map((name) => `uniform bool ${name};`).join("\n");
+/** What `luxel inspect` painted for each page, as a uniform of the materials on it. */
+const inspections = [];
+
+/** The uniform of a page's picture. */
+export function inspection(page) {
+  return (inspections[page] ??= { value: null });
+}
+
+const DECLARATIONS = Object.keys(look).map((name) => `uniform bool ${name};`).join("\n") + "\nuniform sampler2D inspection;";
 
 const BEFORE_LIGHT = `
   if (lightmapOnly) {
@@ -34,14 +43,21 @@ const MATERIAL = `
 
 const RESULT = `
   if (albedoOnly) outgoingLight = diffuseColor.rgb * (1.0 - metalnessFactor);
+  if (inspected) {
+    #ifdef USE_LIGHTMAP
+      outgoingLight = texture(inspection, vLightMapUv).rgb;
+    #else
+      outgoingLight = vec3(0.0);
+    #endif
+  }
 `;
 
-/** Puts the switches into a material; unlit ones are shown as they are, whatever the exposure. */
-export function applyLook(material) {
+/** Puts the switches into a material on a page (-1: on none); unlit ones are shown as they are, whatever the exposure. */
+export function applyLook(material, page) {
   if (material.isMeshBasicMaterial) material.toneMapped = false;
   if (!material.isMeshStandardMaterial) return;
   material.onBeforeCompile = (shader) => {
-    Object.assign(shader.uniforms, look);
+    Object.assign(shader.uniforms, look, { inspection: page < 0 ? { value: null } : inspection(page) });
     shader.fragmentShader = shader.fragmentShader
       .replace("void main() {", `${DECLARATIONS}\nvoid main() {`)
       .replace("#include <lights_physical_fragment>", `${BEFORE_LIGHT}\n#include <lights_physical_fragment>\n${MATERIAL}`)

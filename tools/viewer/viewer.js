@@ -1,7 +1,8 @@
 // The viewer: opens a baked file by drop, by choice or by ?file=URL, and shows its lightmap.
 //
 // Further parameters, for links and tests: camera (a name, or eye and target as X,Y,Z,X,Y,Z), exposure (the factor),
-// look, tone, gloss, texels, compare (what the form has; 0 or 1 for boxes), bare=1 (without the form), antialias=0.
+// look, tone, gloss, texels, compare (what the form has; 0 or 1 for boxes), inspection (the address of pictures by luxel
+// inspect, {page} for the page's number), bare=1 (without the form), antialias=0.
 
 import {
   AgXToneMapping, AmbientLight, Box3, LinearToneMapping, MathUtils, NeutralToneMapping, PerspectiveCamera, Scene,
@@ -10,6 +11,7 @@ import {
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { LuxelLightmap } from "luxel-three";
 import { exposureFor, meanIrradiance } from "./exposure.js";
+import { inspect, inspectionsOf } from "./inspection.js";
 import { applyLook, look } from "./look.js";
 import { throwShadows } from "./shadows.js";
 import { atUrl, ofFiles } from "./source.js";
@@ -40,6 +42,8 @@ async function show(from) {
     const gltf = await load(from, true);
     const lightmap = gltf.parser.plugins.LUXEL_lightmap;
     const irradiance = meanIrradiance(lightmap.pages);
+    const address = parameters.get("inspection");
+    if (address) await inspect(lightmap.pages.map((_, page) => [page, address.replace("{page}", page)]));
     for (const scene of [open?.lit, open?.unbaked]) discard(scene);
     open = { from, irradiance, lit: staged(gltf, irradiance), unbaked: null };
     lookThrough(gltf);
@@ -66,10 +70,13 @@ async function load({ url, manager }, baked) {
 /** A scene to be drawn. One without any light gets an even one, as bright as the map is on average. */
 function staged(gltf, irradiance) {
   const scene = new Scene().add(gltf.scene);
-  let lights = gltf.parser.plugins.LUXEL_lightmap?.pages.length > 0;
+  const pages = gltf.parser.plugins.LUXEL_lightmap?.pages ?? [];
+  let lights = pages.length > 0;
   scene.traverse((object) => {
     lights ||= object.isLight;
-    for (const material of [object.material ?? []].flat()) applyLook(material);
+    for (const material of [object.material ?? []].flat()) {
+      applyLook(material, pages.findIndex(({ texture }) => texture.source === material.lightMap?.source));
+    }
   });
   throwShadows(scene, new Box3().setFromObject(scene));
   if (!lights) scene.add(new AmbientLight(0xffffff, irradiance ?? 1));
@@ -130,6 +137,7 @@ async function settle() {
   form.stops.value = `${Number(form.exposure.value).toFixed(1)} stops`;
   look.lightmapOnly.value = form.look.value === "lightmap";
   look.albedoOnly.value = form.look.value === "albedo";
+  look.inspected.value = form.look.value === "inspection";
   look.gloss.value = form.gloss.checked;
   look.texelGrid.value = form.texels.checked;
   renderer.toneMapping = TONES[form.tone.value];
@@ -160,8 +168,8 @@ function drawn() {
 function drawNow() {
   const { clientWidth: width, clientHeight: height } = renderer.domElement;
   const views = form.compare.checked && open.unbaked ? [open.lit, open.unbaked] : [open.lit];
-  // Base colours are no radiance.
-  renderer.toneMappingExposure = look.albedoOnly.value ? 1 : open.exposure;
+  // Base colours and pictures are no radiance.
+  renderer.toneMappingExposure = look.albedoOnly.value || look.inspected.value ? 1 : open.exposure;
   renderer.setPixelRatio(devicePixelRatio);
   renderer.setSize(width, height, false);
   renderer.setScissorTest(true);
@@ -181,8 +189,13 @@ function say(text) {
 
 function openFiles(list) {
   const from = ofFiles([...list]);
+  const pictures = inspectionsOf([...list]);
+  if (pictures.length) {
+    form.look.value = "inspection";
+    inspect(pictures).then(settle).catch((error) => say(error.message));
+  }
   if (from) show(from);
-  else say("No .glb or .gltf among these files.");
+  else if (!pictures.length) say("No .glb or .gltf among these files.");
 }
 
 addEventListener("resize", draw);

@@ -1,9 +1,6 @@
 //! Options of `luxel audit`.
 
-use super::{
-    super::values::{self, SkyWish, SunWish},
-    threads,
-};
+use super::{super::values, Baked, threads};
 use clap::{ArgGroup, builder::RangedU64ValueParser};
 use std::{path::PathBuf, time::Duration};
 
@@ -22,9 +19,8 @@ Exit codes: 0 done; 1 failed; 2 wrong usage; 3 the input is missing, invalid or 
 #[command(arg_required_else_help = true, after_help = EXAMPLES)]
 #[command(group = ArgGroup::new("effort").args(["points", "time"]))]
 pub struct Audit {
-    /// The baked scene, .glb or .gltf
-    #[arg(value_name = "BAKED")]
-    pub input: PathBuf,
+    #[command(flatten)]
+    pub baked: Baked,
 
     /// Points on the surface, 10 to 16777216
     #[arg(long, value_name = "N", help_heading = "Effort",
@@ -44,29 +40,10 @@ pub struct Audit {
           value_parser = threads(), allow_negative_numbers = true)]
     pub threads: Option<usize>,
 
-    /// The sky of the bake, as for luxel bake [default: as the file says]
-    #[arg(long, value_name = "R,G,B | FILE[,SCALE[,ROTATION]]", help_heading = "Light",
-          value_parser = values::sky, allow_hyphen_values = true)]
-    pub sky: Option<SkyWish>,
-
-    /// The sun of the bake, as for luxel bake [default: as the file says]
-    #[arg(long, value_name = "AZIMUTH,ELEVATION,LUX[,ANGLE]", help_heading = "Light",
-          value_parser = values::sun, allow_hyphen_values = true)]
-    pub sun: Option<SunWish>,
-
-    /// Factor on the file's punctual lights [default: as the file says]
-    #[arg(long, value_name = "X", help_heading = "Light", value_parser = values::light_scale,
-          allow_hyphen_values = true)]
-    pub light_scale: Option<f32>,
-
     /// Largest diffuse reflectance of a point [default: as the file says]
     #[arg(long, value_name = "R", help_heading = "Light", value_parser = values::reflectance,
           allow_hyphen_values = true)]
     pub max_reflectance: Option<f32>,
-
-    /// Nodes that were left out of the bake; may be repeated [default: as the file says]
-    #[arg(long, value_name = "GLOB", help_heading = "Light", value_parser = values::glob)]
-    pub exclude: Vec<String>,
 
     /// Write the figures as JSON to a file, or to stdout (-) instead of the summary
     #[arg(long, value_name = "FILE.json | -", help_heading = "Output")]

@@ -2,9 +2,15 @@
 
 mod audit;
 mod bake;
+mod baked;
+mod inspect;
+mod render;
 
 pub use audit::Audit;
 pub use bake::{Bake, Quality};
+pub use baked::Baked;
+pub use inspect::Inspect;
+pub use render::Render;
 
 use clap::{
     Parser, Subcommand,
@@ -27,6 +33,10 @@ pub enum Command {
     Bake(Box<Bake>),
     /// Measure how wrong the lightmaps of a baked file are, by a path tracer that knows nothing of how they were made
     Audit(Box<Audit>),
+    /// Paint a picture of a baked file: matt surfaces from its lightmaps, what metals mirror by ray tracing
+    Render(Box<Render>),
+    /// Paint what the lightmaps of a baked file are like: density, charts, overlaps, validity, rows, error
+    Inspect(Box<Inspect>),
 }
 
 /// One of a closed set, by its name.
@@ -58,7 +68,7 @@ mod tests {
     fn parse(options: &[&str]) -> Result<Bake, clap::Error> {
         match Args::try_parse_from(["luxel", "bake", "a.glb"].iter().chain(options))?.command {
             Command::Bake(bake) => Ok(*bake),
-            Command::Audit(_) => unreachable!("it says bake"),
+            _ => unreachable!("it says bake"),
         }
     }
 

@@ -34,6 +34,15 @@ pub struct Record {
     pub exclude: Vec<String>,
     /// `--bounces`.
     pub bounces: Option<u32>,
+    /// Receivers of the bake.
+    pub receivers: Option<u64>,
+}
+
+impl Record {
+    /// Largest diffuse reflectance of the bake.
+    pub fn reflectance(&self) -> f32 {
+        self.max_reflectance.unwrap_or(0.98).clamp(1e-6, 0.9999)
+    }
 }
 
 /// A lightmap and where it lies.
@@ -51,7 +60,8 @@ pub fn record(document: &Document) -> Result<Option<Record>> {
     let Some(light) = report.and_then(|r| r.get("light")) else { return Ok(None) };
     let record = Record::deserialize(light).map_err(|e| broken(document, "report.light", e.to_string()))?;
     let bounces = report.and_then(|r| r.get("bounces")).and_then(Value::as_u64).map(|n| n.min(u32::MAX.into()) as u32);
-    Ok(Some(Record { bounces, ..record }))
+    let receivers = report.and_then(|r| r.get("receivers")).and_then(Value::as_u64);
+    Ok(Some(Record { bounces, receivers, ..record }))
 }
 
 /// The lightmap of `document`, whose scene is `scene`.
@@ -61,7 +71,6 @@ pub fn bound(document: &Document, scene: &Scene) -> Result<Bound> {
     if pages.is_empty() {
         return Err(broken(document, "pages", "there is no page"));
     }
-    check_lights(document, root)?;
     let mut lightmaps = Lightmaps { content: content(document, &pages[0])?, ..Lightmaps::default() };
     for (i, page) in pages.iter().enumerate() {
         lightmaps.pages.push(map(document, page, &format!("pages[{i}]"))?);
@@ -101,16 +110,9 @@ pub fn bound(document: &Document, scene: &Scene) -> Result<Bound> {
     Ok(Bound { atlas, lightmaps })
 }
 
-fn root(document: &Document) -> Result<&Value> {
-    extension(&document.json, NAME).filter(|root| root.is_object()).ok_or_else(|| {
-        let remedy = format!("bake it first: luxel bake \"{}\"", document.path.display());
-        Error::invalid(&document.path, PLACE, "is missing: the file has no lightmap by luxel", remedy)
-    })
-}
-
-/// Without its lights a baked scene cannot be lit again.
-fn check_lights(document: &Document, root: &Value) -> Result<()> {
-    let nodes = root.get("bakedLights").and_then(Value::as_array).into_iter().flatten();
+/// Refuses a document whose baked lights are gone: it cannot be lit again.
+pub fn check_lights(document: &Document) -> Result<()> {
+    let nodes = root(document)?.get("bakedLights").and_then(Value::as_array).into_iter().flatten();
     for index in nodes.filter_map(Value::as_u64) {
         let node = document.json.get("nodes").and_then(|n| n.get(index as usize));
         if node.and_then(|n| extension(n, "KHR_lights_punctual")).is_none() {
@@ -119,6 +121,13 @@ fn check_lights(document: &Document, root: &Value) -> Result<()> {
         }
     }
     Ok(())
+}
+
+fn root(document: &Document) -> Result<&Value> {
+    extension(&document.json, NAME).filter(|root| root.is_object()).ok_or_else(|| {
+        let remedy = format!("bake it first: luxel bake \"{}\"", document.path.display());
+        Error::invalid(&document.path, PLACE, "is missing: the file has no lightmap by luxel", remedy)
+    })
 }
 
 fn content(document: &Document, page: &Value) -> Result<Content> {

@@ -98,7 +98,7 @@ impl<'s, 'a> Materials<'s, 'a> {
         };
         let emission = emission(from.emissive_factor.0, strength, &name, warnings);
         let through = transmission.map_or(0.0, |t| t.transmission_factor.0);
-        if !(look.base.is_finite() && [look.metallic, through, cutoff].iter().all(|f| f.is_finite())) {
+        if !(look.base.is_finite() && [look.metallic, look.roughness, through, cutoff].iter().all(|f| f.is_finite())) {
             return Err(self.source.invalid(name, "one of its factors is not finite"));
         }
         let (metallic, through) = (look.metallic.clamp(0.0, 1.0), through.clamp(0.0, 1.0));
@@ -110,6 +110,7 @@ impl<'s, 'a> Materials<'s, 'a> {
             base_color: look.base.clamp(Vec4::ZERO, Vec4::ONE),
             base_texture: slot(look.base_texture.as_ref(), true, true)?,
             metallic,
+            roughness: look.roughness.clamp(0.0, 1.0),
             metallic_texture: slot(look.metallic_texture.as_ref(), metallic > 0.0, false)?,
             emission,
             emission_texture: slot(from.emissive_texture.as_ref(), emission != Vec3::ZERO, true)?,
@@ -140,11 +141,12 @@ fn emission(factor: [f32; 3], strength: f32, name: &str, warnings: &mut Warnings
     Vec3::from(wished.map(|c| c as f32)).min(Vec3::splat(MAX_LIGHT))
 }
 
-/// Base colour and metalness, from whichever model the material has.
+/// Base colour, metalness and roughness, from whichever model the material has.
 struct Look {
     base: Vec4,
     base_texture: Option<Info>,
     metallic: f32,
+    roughness: f32,
     metallic_texture: Option<Info>,
 }
 
@@ -168,13 +170,14 @@ impl Look {
             let old = SpecularGlossiness::deserialize(old).map_err(|e| source.invalid(name, e.to_string()))?;
             warnings.about(name, "has KHR_materials_pbrSpecularGlossiness, of which only the diffuse part is used");
             let (base, base_texture) = (Vec4::from_array(old.diffuse_factor), old.diffuse_texture);
-            return Ok(Look { base, base_texture, metallic: 0.0, metallic_texture: None });
+            return Ok(Look { base, base_texture, metallic: 0.0, roughness: 1.0, metallic_texture: None });
         }
         let pbr = &from.pbr_metallic_roughness;
         Ok(Look {
             base: Vec4::from_array(pbr.base_color_factor.0),
             base_texture: pbr.base_color_texture.clone(),
             metallic: pbr.metallic_factor.0,
+            roughness: pbr.roughness_factor.0,
             metallic_texture: pbr.metallic_roughness_texture.clone(),
         })
     }

@@ -20,7 +20,7 @@ mod textures;
 mod warnings;
 mod wishes;
 
-pub use baked::{Bound, Record, bound, record};
+pub use baked::{Bound, Record, bound, check_lights, record};
 
 use crate::{
     error::{Error, Result},

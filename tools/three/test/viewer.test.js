@@ -1,6 +1,7 @@
 // The viewer's own: looks, the unbaked scene beside, files by choice and by drop, walking, what it says to nonsense.
 
 import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
 import { copyFileSync, readFileSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
@@ -54,6 +55,24 @@ test("the texel grid darkens and lightens", async () => {
     if (grid.pixels.data[at] < level) changed.darker++;
   });
   assert.ok(changed.darker > 10000 && changed.lighter > 10000, JSON.stringify(changed));
+});
+
+test("pictures of luxel inspect are shown where luxel says that they belong", async () => {
+  const { file, exposure, ...rest } = { file: scene.name, exposure: 1, look: "inspection", antialias: 0 };
+  execFileSync(process.env.LUXEL, ["inspect", join(stand.folder, file), "-o", join(stand.folder, "seen"), "--points", "100", "--quiet"]);
+  const parameters = { ...rest, inspection: "/scenes/seen/page{page}.charts.png" };
+  const { pixels } = await stand.view({ file, exposure, ...parameters }, { width: 960, height: 540 });
+  const view = await stand.png("seen/view.charts.png");
+  // The view is shaded, so channels are compared by their share.
+  const share = ({ data }, at) => [0, 1, 2].map((k) => linear(data[at + k]) / (linear(data[at]) + linear(data[at + 1]) + linear(data[at + 2])));
+  let [same, all] = [0, 0];
+  for (let at = 0; at < view.data.length; at += 4) {
+    if (view.data[at] + view.data[at + 1] + view.data[at + 2] < 60) continue;
+    all++;
+    const b = share(view, at);
+    if (share(pixels, at).every((x, k) => Math.abs(x - b[k]) < 0.02)) same++;
+  }
+  assert.ok(all > 100000 && same / all > 0.98, `${same} of ${all}`);
 });
 
 test("the unbaked scene stands to the right, under an even light if it has none", async () => {

@@ -1,0 +1,152 @@
+//! `luxel render` and `luxel inspect`: pictures of baked files, and what they refuse.
+
+mod program;
+
+use luxel::pixels::{decode, exr};
+use program::Folder;
+use serde_json::{Value, json};
+
+const QUICK: &str = "--resolution 32 --rays 16 --quiet";
+const SMALL: &str = "--size 96x54 --quiet";
+
+/// The room, baked with `options` to lit.gltf.
+fn baked(options: &str) -> Folder {
+    let folder = Folder::new();
+    bake(&folder, options);
+    folder
+}
+
+fn bake(folder: &Folder, options: &str) {
+    let said = folder.luxel(&format!("bake room.gltf -o lit.gltf {QUICK} {options}"));
+    assert_eq!(said.code, 0, "{}", said.err);
+}
+
+fn render(folder: &Folder, options: &str) {
+    let said = folder.luxel(&format!("render lit.gltf {options}"));
+    assert_eq!((said.code, said.err.as_str()), (0, ""), "{options}");
+}
+
+fn change(folder: &Folder, name: &str, change: impl FnOnce(&mut Value)) {
+    let path = folder.path(name);
+    let mut json: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    change(&mut json);
+    std::fs::write(path, json.to_string()).unwrap();
+}
+
+fn levels(folder: &Folder, name: &str) -> Vec<u8> {
+    let picture = decode(&std::fs::read(folder.path(name)).unwrap()).unwrap();
+    picture.rgba.as_flattened().to_vec()
+}
+
+fn mean(folder: &Folder, name: &str) -> f32 {
+    let (_, radiance) = exr::decode(&std::fs::read(folder.path(name)).unwrap()).unwrap();
+    radiance.iter().map(|c| c.element_sum()).sum::<f32>() / radiance.len() as f32
+}
+
+#[test]
+fn a_file_looks_like_the_preview_of_its_bake() {
+    let folder = baked("--preview a.png");
+    render(&folder, "-o b.png --samples 2 --quiet");
+    let (a, b) = (levels(&folder, "a.png"), levels(&folder, "b.png"));
+    // Pages are stored in halves.
+    assert!(a.len() == b.len() && a.iter().zip(&b).all(|(a, b)| a.abs_diff(*b) <= 1));
+}
+
+#[test]
+fn any_number_of_threads_paints_the_same() {
+    let folder = Folder::new();
+    change(&folder, "room.gltf", metal);
+    bake(&folder, "");
+    let [one, three] = [1, 3].map(|n| {
+        render(&folder, &format!("-o a.exr {SMALL} --threads {n}"));
+        std::fs::read(folder.path("a.exr")).unwrap()
+    });
+    assert!(one == three);
+}
+
+/// Every surface becomes half rough, half dark metal.
+fn metal(room: &mut Value) {
+    for material in room["materials"].as_array_mut().unwrap() {
+        material["pbrMetallicRoughness"] = json!({ "baseColorFactor": [0.5, 0.5, 0.5, 1.0], "roughnessFactor": 0.5 });
+    }
+}
+
+#[test]
+fn metal_shows_what_it_mirrors() {
+    let folder = Folder::new();
+    change(&folder, "room.gltf", metal);
+    bake(&folder, "--sky 1,1,1");
+    render(&folder, &format!("-o metal.exr {SMALL} --samples 2 --camera 0,.5,1.5,0,0,0"));
+    change(&folder, "lit.gltf", |lit| {
+        for material in lit["materials"].as_array_mut().unwrap() {
+            material["pbrMetallicRoughness"]["metallicFactor"] = 0.0.into();
+            material["pbrMetallicRoughness"]["baseColorFactor"] = json!([0.0, 0.0, 0.0, 1.0]);
+        }
+    });
+    render(&folder, &format!("-o black.exr {SMALL} --samples 2 --camera 0,.5,1.5,0,0,0"));
+    let [metal, black] = ["metal.exr", "black.exr"].map(|name| mean(&folder, name));
+    assert!(metal > black + 0.3, "{metal} {black}");
+}
+
+#[test]
+fn lamps_that_the_map_leaves_to_the_engine_are_drawn() {
+    let folder = baked("--sun 30,50,3 --sky .1,.1,.1");
+    let camera = "--camera 0,1.5,1.5,0,0,0";
+    render(&folder, &format!("-o full.exr {SMALL} {camera}"));
+    bake(&folder, "--sun 30,50,3 --sky .1,.1,.1 --content indirect");
+    render(&folder, &format!("-o mixed.exr {SMALL} {camera}"));
+    let [full, mixed] = ["full.exr", "mixed.exr"].map(|name| mean(&folder, name));
+    assert!((mixed / full - 1.0).abs() < 0.02, "{mixed} {full}");
+}
+
+#[test]
+fn what_cannot_be_painted_is_refused() {
+    let folder = baked("");
+    std::fs::write(folder.path("broken.gltf"), std::fs::read(folder.path("lit.gltf")).unwrap()).unwrap();
+    change(&folder, "broken.gltf", |lit| lit["extensions"]["LUXEL_lightmap"]["pages"][0]["width"] = 7.into());
+    std::fs::write(folder.path("missing.gltf"), std::fs::read(folder.path("lit.gltf")).unwrap()).unwrap();
+    change(&folder, "missing.gltf", |lit| lit["extensions"]["LUXEL_lightmap"]["pages"][0]["uri"] = "none.exr".into());
+    for (arguments, code, what) in [
+        ("render lit.gltf -o lit.jpg", 2, ".png or .exr"),
+        ("render lit.gltf", 2, "--output"),
+        ("render lit.gltf -o a.png --size 5", 2, "width and height"),
+        ("render lit.gltf -o a.png --size 0x9", 2, "width and height"),
+        ("render lit.gltf -o a.png --samples 0", 2, "0 is not in"),
+        ("render lit.gltf -o a.png --camera Nobody", 2, "no camera `Nobody`"),
+        ("render lit.gltf -o none/a.png", 1, "none/a.png"),
+        ("render room.gltf -o a.png", 3, "bake it first"),
+        ("render broken.gltf -o a.png", 3, "not 7 x"),
+        ("render missing.gltf -o a.png", 3, "none.exr"),
+        ("render none.gltf -o a.png", 3, "none.gltf"),
+        ("inspect room.gltf -o pictures", 3, "bake it first"),
+        ("inspect lit.gltf -o room.gltf", 2, "is not a folder"),
+    ] {
+        let said = folder.luxel(arguments);
+        assert_eq!(said.code, code, "{arguments}: {}", said.err);
+        assert!(said.err.contains(what), "{arguments}: {}", said.err);
+    }
+    assert!(!folder.files().iter().any(|name| name.ends_with(".png") || name == "pictures"));
+}
+
+#[test]
+fn an_inspection_is_a_picture_a_layer_and_says_what_it_shows() {
+    let folder = baked("");
+    let said = folder.luxel("inspect lit.gltf -o pictures --points 50");
+    assert_eq!((said.code, said.err.as_str()), (0, ""));
+    for name in ["density", "charts", "overlaps", "validity", "rows", "error"] {
+        assert!(said.out.contains(&format!("{name} ")), "{}", said.out);
+        for picture in ["page0", "view"] {
+            assert!(levels(&folder, &format!("pictures/{picture}.{name}.png")).iter().any(|l| *l > 100), "{name}");
+        }
+    }
+    assert!(said.out.contains("0 texels are shared by charts"), "{}", said.out);
+    // The lamp shrinks into the middle of the page, where the floor is.
+    change(&folder, "lit.gltf", |lit| {
+        let place = &mut lit["nodes"][1]["extensions"]["LUXEL_lightmap"];
+        assert_eq!(place["page"], 0);
+        place["offset"] = json!([0.3, 0.3]);
+        place["scale"] = json!([0.1, 0.1]);
+    });
+    let said = folder.luxel("inspect lit.gltf -o pictures --points 50");
+    assert!(said.code == 0 && !said.out.contains("0 texels are shared"), "{}{}", said.out, said.err);
+}

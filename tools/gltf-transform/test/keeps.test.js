@@ -1,0 +1,129 @@
+// What survives glTF-Transform with the extension and without it, and what gltfpack leaves.
+
+import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
+import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import { NodeIO } from "@gltf-transform/core";
+import { ALL_EXTENSIONS } from "@gltf-transform/extensions";
+import { dedup, prune, quantize, unpartition } from "@gltf-transform/functions";
+import { LuxelLightmap } from "luxel-gltf-transform";
+
+const { LUXEL } = process.env;
+const ASSETS = new URL("../../../assets/", import.meta.url).pathname;
+const NAME = "LUXEL_lightmap";
+const silent = { debug() {}, info() {}, warn() {}, error() {} };
+
+let folder;
+let baked;
+before(() => {
+  if (!LUXEL) throw new Error("LUXEL must name the luxel program: LUXEL=target/release/luxel npm test");
+  folder = mkdtempSync(join(tmpdir(), "luxel-gltf-transform-"));
+  baked = join(folder, "room.glb");
+  execFileSync(LUXEL, ["bake", `${ASSETS}room.glb`, "-o", baked, "--resolution", "128", "--rays", "8", "--quiet"], { stdio: "pipe" });
+});
+after(() => rmSync(folder, { recursive: true }));
+
+const io = (...extensions) => new NodeIO().setLogger(silent).registerExtensions([...ALL_EXTENSIONS, ...extensions]);
+
+/** JSON and binary chunk. */
+function open(file) {
+  const bytes = readFileSync(file);
+  const length = bytes.readUInt32LE(12);
+  return { json: JSON.parse(bytes.subarray(20, 20 + length)), bin: bytes.subarray(28 + length) };
+}
+
+/** Each lit node by its name: its place and the corners of its coordinates on the page. */
+function places({ json }) {
+  const lit = json.nodes.filter((node) => node.extensions?.[NAME]);
+  return lit.map((node) => ({ name: node.name, ...node.extensions[NAME] })).sort((a, b) => (a.name < b.name ? -1 : 1));
+}
+
+function page({ json, bin }) {
+  const { byteOffset = 0, byteLength } = json.bufferViews[json.extensions[NAME].pages[0].bufferView];
+  return bin.subarray(byteOffset, byteOffset + byteLength);
+}
+
+const lamps = ({ json }) => json.extensions[NAME].bakedLights.map((index) => json.nodes[index].name);
+
+function assertKept(file) {
+  const [before, after] = [open(baked), open(file)];
+  assert.ok(page(after).equals(page(before)), "the page's bytes");
+  assert.deepEqual(places(after), places(before));
+  assert.deepEqual(lamps(after), lamps(before));
+  assert.ok(lamps(after).length > 0);
+  assert.ok(after.json.extensionsUsed.includes(NAME));
+  assert.ok(!after.json.extensionsRequired?.includes(NAME));
+  for (const node of after.json.nodes.filter((node) => node.extensions?.[NAME])) {
+    assert.deepEqual(node.extras.luxel.lightmap, node.extensions[NAME]);
+    for (const { attributes } of after.json.meshes[node.mesh].primitives) assert.ok("TEXCOORD_1" in attributes);
+  }
+  assert.deepEqual(after.json.extras.luxel.lightmap, after.json.extensions[NAME]);
+}
+
+async function written(name, ...transforms) {
+  const document = await io(LuxelLightmap).read(baked);
+  await document.setLogger(silent).transform(...transforms);
+  const file = join(folder, name);
+  await io(LuxelLightmap).write(file, document);
+  return file;
+}
+
+test("a file that is read and written keeps its lightmap", async () => assertKept(await written("same.glb")));
+
+test("nodes may move: lamps are found by what they are", async () => {
+  const drop = (document) => {
+    const spare = document.createNode("first");
+    document.getRoot().listScenes()[0].addChild(spare);
+    document.getRoot().listNodes().find((node) => !node.getExtension(NAME) && !node.listChildren().length && !node.getCamera()
+      && !node.getExtension("KHR_lights_punctual"))?.dispose();
+  };
+  assertKept(await written("moved.glb", drop));
+});
+
+test("dedup, prune and unpartition keep it, if attributes may stay", async () => {
+  assertKept(await written("clean.glb", dedup(), prune({ keepAttributes: true, keepLeaves: true }), unpartition()));
+});
+
+test("prune by itself takes the coordinates away", async () => {
+  const { json } = open(await written("pruned.glb", prune()));
+  assert.ok(json.meshes.some(({ primitives }) => primitives.some(({ attributes }) => !("TEXCOORD_1" in attributes))));
+});
+
+test("quantized coordinates stay within a hundredth of a texel", async () => {
+  const file = await written("quantized.glb", quantize({ quantizeTexcoord: 16, quantizePosition: 16 }));
+  assertKept(file);
+  const [before, after] = await Promise.all([baked, file].map((name) => io(LuxelLightmap).read(name)));
+  const sets = (document) => document.getRoot().listMeshes().flatMap((mesh) => mesh.listPrimitives())
+    .map((primitive) => primitive.getAttribute("TEXCOORD_1"));
+  sets(before).forEach((exact, index) => {
+    const rounded = sets(after)[index];
+    for (let i = 0; i < exact.getCount(); i++) {
+      exact.getElement(i, []).forEach((x, k) => assert.ok(Math.abs(x - rounded.getElement(i, [])[k]) * 128 < 0.01));
+    }
+  });
+});
+
+test("without the extension the lightmap is lost: the tests above mean something", async () => {
+  const file = join(folder, "lost.glb");
+  await io().write(file, await io().read(baked));
+  const { json } = open(file);
+  assert.equal(json.extensions?.[NAME], undefined);
+  assert.ok(json.nodes.every((node) => !node.extensions?.[NAME]));
+});
+
+test("gltfpack drops the lightmap whatever its flags: pack first, bake last", async () => {
+  const packer = new URL("../node_modules/gltfpack/cli.js", import.meta.url).pathname;
+  const pack = (source, target, ...flags) => execFileSync("node", [packer, "-i", source, "-o", target, ...flags], { stdio: "pipe" });
+  const packed = join(folder, "packed.glb");
+  pack(baked, packed, "-kn", "-km", "-ke", "-kv", "-noq");
+  const { json } = open(packed);
+  assert.equal(json.extensions?.[NAME], undefined);
+  // Without compression and quantization luxel reads what it leaves.
+  const lit = join(folder, "packed.lit.glb");
+  pack(`${ASSETS}room.glb`, packed, "-noq", "-kn");
+  execFileSync(LUXEL, ["bake", packed, "-o", lit, "--resolution", "128", "--rays", "8", "--quiet"], { stdio: "pipe" });
+  assert.ok(places(open(lit)).length > 0);
+});
