@@ -12,6 +12,7 @@
 pub mod error;
 pub mod files;
 pub mod memory;
+pub mod processor;
 pub mod progress;
 pub mod report;
 
@@ -38,3 +39,5 @@ pub mod gltf;
 pub mod bake;
 
 pub mod preview;
+
+pub mod chart;

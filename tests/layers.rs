@@ -84,7 +84,9 @@ fn foreign_crates_stay_in_their_rooms() {
         ("guillotiere", &["atlas"]),
         ("clap", &["cli"]),
         ("serde_json", &["gltf", "cli"]),
-        ("sysinfo", &["memory"]),
+        ("sysinfo", &["memory", "processor"]),
+        ("tiny_skia", &["chart"]),
+        ("ttf_parser", &["chart"]),
         ("nalgebra", &["radiosity"]),
     ];
     let mut all = rooms();

@@ -1,4 +1,4 @@
-//! The command line: arguments to a bake or an audit, a bake to files, text and an exit code. The only code that knows clap.
+//! The command line: arguments to a bake, an audit or a chart, a bake to files, text and an exit code. The only code that knows clap.
 //!
 //! stdout carries the result (a summary, or the report's JSON); stderr everything else.
 //! Exit: 0 done, 1 failed (with `--strict` also: done with warnings), 2 wrong usage, 3 input, 4 target missed, 130 interrupted.
@@ -7,6 +7,7 @@ mod args;
 mod audit;
 mod bake;
 mod camera;
+mod chart;
 mod console;
 mod lights;
 mod outputs;
@@ -33,6 +34,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let result = match args.command {
         Command::Bake(options) => bake::run(&options),
         Command::Audit(options) => audit::run(&options),
+        Command::Chart(options) => chart::run(&options),
     };
     result.unwrap_or_else(|error| {
         console::error(&error);

@@ -2,9 +2,11 @@
 
 mod audit;
 mod bake;
+mod chart;
 
 pub use audit::Audit;
-pub use bake::{Bake, Quality};
+pub use bake::Bake;
+pub use chart::Chart;
 
 use clap::{
     Parser, Subcommand,
@@ -27,6 +29,8 @@ pub enum Command {
     Bake(Box<Bake>),
     /// Measure how wrong the lightmaps of a baked file are, by a path tracer that knows nothing of how they were made
     Audit(Box<Audit>),
+    /// Chart speed against accuracy on a scene: rays, solvers, receivers, texels, threads
+    Chart(Box<Chart>),
 }
 
 /// One of a closed set, by its name.
@@ -58,7 +62,7 @@ mod tests {
     fn parse(options: &[&str]) -> Result<Bake, clap::Error> {
         match Args::try_parse_from(["luxel", "bake", "a.glb"].iter().chain(options))?.command {
             Command::Bake(bake) => Ok(*bake),
-            Command::Audit(_) => unreachable!("it says bake"),
+            _ => unreachable!("it says bake"),
         }
     }
 
