@@ -1,46 +1,10 @@
-//! The map as a viewer reads it, and as it would be at half its density.
+//! The map as it would be at half its density.
 
 use crate::{
     atlas::Coverage,
     lightmaps::{Lightmaps, Map},
 };
 use glam::{IVec2, Vec2, Vec3};
-
-/// How a map is read at a point of the surface.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reading {
-    /// The texel that the point lies in.
-    Constant,
-    /// Between four texels, as viewers do.
-    Bilinear,
-}
-
-impl Reading {
-    /// Everything there is to choose from.
-    pub const ALL: [Reading; 2] = [Reading::Constant, Reading::Bilinear];
-
-    /// The name in charts.
-    pub fn name(self) -> &'static str {
-        match self {
-            Reading::Constant => "constant",
-            Reading::Bilinear => "bilinear",
-        }
-    }
-}
-
-/// What the maps say at a point of a triangle; 0 where they say nothing.
-pub(super) fn read(coverage: &Coverage, maps: &Lightmaps, triangle: u32, bary: Vec2, reading: Reading) -> Vec3 {
-    let charted = &coverage.charted[triangle as usize];
-    let at = charted.at(bary);
-    let Some(map) = maps.pages.get(charted.page as usize) else { return Vec3::ZERO };
-    match reading {
-        Reading::Bilinear => map.bilinear(at),
-        Reading::Constant => {
-            let texel = coverage.texel_near(charted, at).map(|t| coverage.texels[t as usize].at);
-            texel.map_or(Vec3::ZERO, |t| map.irradiance[(t.y * map.size.x + t.x) as usize])
-        }
-    }
-}
 
 /// Bilinear look-up in the map of every second texel: the means of 2 x 2 covered ones.
 pub(super) fn halved(coverage: &Coverage, maps: &Lightmaps, triangle: u32, bary: Vec2) -> Vec3 {

@@ -25,13 +25,12 @@ mod sky;
 mod surface;
 mod truth;
 
-pub use lookup::Reading;
 pub use truth::Truth;
 
 use crate::{
     atlas::Coverage,
     error::Result,
-    lightmaps::Lightmaps,
+    lightmaps::{Lightmaps, Reading},
     math::hash,
     progress::Observer,
     trace::{Hit, Tracer},
@@ -225,7 +224,7 @@ impl Subject<'_, '_> {
     /// What the map says of the irradiance where a ray ended; 0 where it says nothing.
     fn known(&self, hit: &Hit) -> Vec3 {
         let Subject { coverage, lightmaps, .. } = *self;
-        let read = || lookup::read(coverage, lightmaps, hit.triangle, hit.bary, Reading::Constant);
+        let read = || lightmaps.read(coverage, hit.triangle, hit.bary, Reading::Constant);
         if hit.front { read() } else { Vec3::ZERO }
     }
 }

@@ -2,7 +2,7 @@
 //! held against the same.
 
 use super::{
-    Audit, Budget, Interval, Options, ROUND, Reading, Subject,
+    Audit, Budget, Interval, Options, ROUND, Subject,
     figures::{self, Point},
     halves::{Halves, PLACES},
     lookup, mean,
@@ -13,7 +13,7 @@ use super::{
 use crate::{
     atlas::Coverage,
     error::Result,
-    lightmaps::Lightmaps,
+    lightmaps::{Lightmaps, Reading},
     math::hash,
     progress::{self, Observer},
 };
@@ -82,7 +82,7 @@ impl Truth {
 
     /// The error, at points of the surface, of a map on any layout of the scene: root mean square over the mean.
     pub fn look_ups(&self, coverage: &Coverage, lightmaps: &Lightmaps, reading: Reading) -> Option<Interval> {
-        let read = |spot: &Spot| lookup::read(coverage, lightmaps, spot.triangle, spot.bary, reading);
+        let read = |spot: &Spot| lightmaps.read(coverage, spot.triangle, spot.bary, reading);
         let point = |known: &Known| {
             let square = known.square(|spot| read(spot).as_dvec3());
             Point { weight: known.weight, truth: known.truth(), square, ..Point::default() }
@@ -174,7 +174,7 @@ impl Known {
     /// The same, and what look-ups at its places are worth.
     pub fn point_with_look_ups(&self, subject: &Subject) -> Point {
         let Subject { coverage, lightmaps, .. } = *subject;
-        let own = self.square(|s| lookup::read(coverage, lightmaps, s.triangle, s.bary, Reading::Bilinear).as_dvec3());
+        let own = self.square(|s| lightmaps.read(coverage, s.triangle, s.bary, Reading::Bilinear).as_dvec3());
         let halved = self.square(|s| lookup::halved(coverage, lightmaps, s.triangle, s.bary).as_dvec3());
         Point { lookups: [own, halved], ..self.point(subject) }
     }

@@ -6,7 +6,7 @@ use super::{
     fit,
 };
 use crate::{
-    audit::Reading,
+    lightmaps::Reading,
     radiosity::{Solver, TOLERANCE},
 };
 
@@ -208,7 +208,9 @@ fn texels(chart: &Chart) -> Option<Figure> {
             .map(|p| Datum { label: p.resolution.map_or(String::new(), |n| n.to_string()), ..at(p, p.seconds) })
             .collect(),
     }];
-    for (room, (paint, mark)) in rooms(sizes.last().map_or(&[], |p| &p.rooms)).into_iter().zip(STYLES.iter()) {
+    // Rooms have only the clock on the wall.
+    let rooms = if chart.clock == Clock::Wall { rooms(sizes.last().map_or(&[], |p| &p.rooms)) } else { Vec::new() };
+    for (room, (paint, mark)) in rooms.into_iter().zip(STYLES.iter()) {
         let of = |p: &Point| p.rooms.iter().find(|r| r.0 == room).map_or(0.0, |r| r.1);
         let points = sizes.iter().map(|p| at(p, of(p))).collect();
         series.push(Series { name: room.into(), paint: *paint, mark: *mark, line: Line::Solid, points });
@@ -226,10 +228,7 @@ fn texels(chart: &Chart) -> Option<Figure> {
         }],
         columns: 1,
         panel: [560.0, 360.0],
-        notes: vec![format!(
-            "{} rays a texel. The power is that of the three largest. Rooms: wall seconds.",
-            chart.points[0].rays
-        )],
+        notes: vec![format!("{} rays a texel. The power is that of the three largest.", chart.points[0].rays)],
     })
 }
 
@@ -263,7 +262,7 @@ fn patches(chart: &Chart) -> Option<Figure> {
         columns: 1,
         panel: [560.0, 360.0],
         notes: vec![format!(
-            "Against {}; 95 % intervals. Numbers: edge of the page. Up to {} rays a patch.",
+            "Against {}; 95 % intervals. Numbers: edge of the page. {} rays a patch, fewer for more than 2^26 in all. Powers: over the three finest that are sure.",
             truth(chart),
             patches.levels[0].rays
         )],

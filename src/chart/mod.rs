@@ -133,12 +133,13 @@ pub struct TruthReport {
 }
 
 /// Share of the budget that the truth may take.
-const TRUTH: f64 = 0.2;
+const TRUTH: f64 = 0.1;
 /// Its limits.
 const LEAST: Duration = Duration::from_millis(500);
 const MOST: Duration = Duration::from_secs(120);
-/// Audits of layouts of their own, as a share of the bake, and at least.
-const OWN: f64 = 0.5;
+/// Audits of layouts of their own, in times of the bake, and at least so many seconds.
+const OWN: f64 = 2.0;
+const OWN_LEAST: f64 = 2.0;
 
 impl Chart {
     /// Measures all sweeps that fit into the budget.
@@ -276,7 +277,7 @@ impl Bench<'_> {
             return Ok(None);
         }
         let audit = if trial.sweep == Sweep::Density {
-            let time = Duration::from_secs_f64(OWN * seconds).max(LEAST).min(self.left().max(LEAST));
+            let time = Duration::from_secs_f64((OWN * seconds).max(OWN_LEAST)).min(self.left().max(LEAST));
             let budget = Budget::Time(time);
             let audit = audit::Options { budget, ..audit::Options::default() };
             Audit::of(&subject(&baked, options), &audit, &Quiet(self.observer))?

@@ -3,9 +3,10 @@
 use super::{Bench, LeftOut, Sweep, fit::power, subject};
 use crate::{
     atlas::{self, Density, Unwrap},
-    audit::{Interval, Reading, Truth},
+    audit::{Interval, Truth},
     bake,
     error::{Error, Result},
+    lightmaps::Reading,
     transport,
 };
 use serde::Serialize;
@@ -15,7 +16,7 @@ use serde::Serialize;
 pub struct Patchwork {
     /// From coarse to fine.
     pub levels: Vec<Level>,
-    /// By reading: power of the patches' edge with which the error falls, over levels whose error is well above the noise.
+    /// By reading: power of the patches' edge with which the error falls, over the three finest levels whose error is well above the noise.
     pub order: Vec<(&'static str, Option<f64>)>,
 }
 
@@ -39,6 +40,8 @@ const COARSEST: u32 = 16;
 /// Rays a row: what is left of their noise is small, and for as many texels neighbours still share them.
 const RAYS: u32 = 1024;
 const RAYS_IN_ALL: u64 = 1 << 26;
+/// Levels that tell how errors go on to fall.
+const FINEST: usize = 3;
 
 /// Bakes from coarse to fine. The layouts are luxel's own: those of an author cannot be coarse.
 pub(super) fn measure(bench: &Bench, truth: &Truth, left_out: &mut Vec<LeftOut>) -> Result<Patchwork> {
@@ -84,11 +87,12 @@ fn missing(edge: u32, refused: Option<String>) -> LeftOut {
     LeftOut { sweep: Sweep::Patches.name(), name: format!("{edge} x {edge}"), refused }
 }
 
-/// Over the levels whose interval is no wider than the error itself.
+/// Over the finest levels of those whose interval is no wider than the error itself.
 fn order(levels: &[Level], reading: usize) -> Option<f64> {
     let sure = levels.iter().filter_map(|level| {
         let error = level.errors[reading].1.filter(|e| e.high - e.low < e.value)?;
         Some((level.edge, error.value))
     });
-    power(&sure.collect::<Vec<_>>())
+    let sure: Vec<_> = sure.collect();
+    power(&sure[sure.len().saturating_sub(FINEST)..])
 }

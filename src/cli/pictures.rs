@@ -5,6 +5,7 @@ use glam::{UVec2, Vec3};
 use luxel::{
     bake::Baked,
     files,
+    lightmaps::Reading,
     pixels::encode_png,
     preview::{self, Picture},
     scene::{Camera, Scene},
@@ -16,10 +17,10 @@ const SIZE: UVec2 = UVec2::new(960, 540);
 
 /// What `camera`, or a camera that is found, sees of the baked scene.
 pub fn preview(scene: &Scene, baked: &Baked, camera: Option<Camera>) -> Picture {
-    let cast = |origin: Vec3, direction: Vec3| preview::sight(baked, origin, direction);
+    let cast = |origin: Vec3, direction: Vec3| preview::sight(baked, origin, direction, Reading::Bilinear);
     let aspect = SIZE.x as f32 / SIZE.y as f32;
     let camera = camera.unwrap_or_else(|| camera::find(scene, &cast, aspect));
-    preview::paint(&cast, &scene.sky, &camera, SIZE)
+    preview::paint(&cast, &scene.sky, &camera, SIZE, None)
 }
 
 /// Writes a picture as PNG, whole or not at all.

@@ -4,7 +4,7 @@ use super::{Sight, auto_exposure};
 use crate::{
     atlas::NO_TEXEL,
     bake::Baked,
-    lightmaps::{Content, gutters},
+    lightmaps::{Content, Reading, gutters},
     math::{hash, luminance},
     trace::{Hit, NOWHERE, Ray},
 };
@@ -36,8 +36,8 @@ fn radiance(baked: &Baked, page: usize, at: usize, texel: usize) -> Vec3 {
     (baked.patches.reflectance[texel] * irradiance + baked.patches.exitance[texel]) / PI
 }
 
-/// What a ray sees: the surface in the light of the map, as a viewer would draw it.
-pub fn sight(baked: &Baked, origin: Vec3, direction: Vec3) -> Option<Sight> {
+/// What a ray sees: the surface in the light of the map, as a viewer would draw it if it read the map so.
+pub fn sight(baked: &Baked, origin: Vec3, direction: Vec3, reading: Reading) -> Option<Sight> {
     let world = &baked.tracer.world;
     let scene = world.scene;
     let key = direction.to_array().map(f32::to_bits).into_iter().fold(0, hash);
@@ -49,18 +49,18 @@ pub fn sight(baked: &Baked, origin: Vec3, direction: Vec3) -> Option<Sight> {
         scene.base_color(mesh, t, hit.bary, 0.0).truncate()
     } else {
         let surface = scene.surface(mesh, t, hit.bary, 0.0);
-        surface.reflectance * seen_irradiance(baked, &hit) / PI + surface.emission
+        surface.reflectance * seen_irradiance(baked, &hit, reading) / PI + surface.emission
     };
     Some(Sight { distance: hit.t, front, radiance, unlit })
 }
 
-/// Bilinear irradiance of the lightmap, or of the patch where the map does not hold all light.
-fn seen_irradiance(baked: &Baked, hit: &Hit) -> Vec3 {
+/// Irradiance of the lightmap, or of the patch where the map does not hold all light.
+fn seen_irradiance(baked: &Baked, hit: &Hit, reading: Reading) -> Vec3 {
     let charted = &baked.coverage.charted[hit.triangle as usize];
     let Some(page) = baked.atlas.pages.get(charted.page as usize) else { return Vec3::ZERO };
     let at = charted.at(hit.bary);
     if !page.hidden && baked.lightmaps.content == Content::Full {
-        return baked.lightmaps.pages[charted.page as usize].bilinear(at);
+        return baked.lightmaps.read(&baked.coverage, hit.triangle, hit.bary, reading);
     }
     let texel = baked.coverage.texel_near(charted, at);
     texel.map_or(Vec3::ZERO, |t| baked.irradiance[t as usize])

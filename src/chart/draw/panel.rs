@@ -120,8 +120,8 @@ impl Panel {
             let ends = x.range.map(|end| place(end, rule.y));
             let [Some(from), Some(to)] = ends else { continue };
             picture.polyline(&[from, to], Stroke { dash: Some([5.0, 4.0]), ..Stroke::solid(FAINT, 1.0) });
-            picture.text(to - Vec2::new(4.0, 4.0), Anchor::End, NUMBERS, FAINT, &rule.label);
-            taken.take(to - Vec2::new(super::font::width(&rule.label, NUMBERS) + 6.0, 14.0), to);
+            picture.text(from + Vec2::new(5.0, 13.0), Anchor::Start, NUMBERS, FAINT, &rule.label);
+            taken.take(from, from + Vec2::new(super::font::width(&rule.label, NUMBERS) + 8.0, 16.0));
         }
         for series in &self.series {
             let shown: Vec<Vec2> = series.points.iter().filter_map(|d| place(d.x, d.y)).collect();
