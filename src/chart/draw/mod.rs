@@ -1,4 +1,4 @@
-//! Pictures of lines and words, as SVG and as PNG. Letters are outlines of one font that comes along ([`font`]): both look
+//! Pictures of lines and words, as SVG and as PNG. Letters are outlines of one font that comes along: both look
 //! the same on every machine.
 
 mod axis;

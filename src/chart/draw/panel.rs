@@ -1,6 +1,6 @@
 //! [`Panel`]: one coordinate system with what is shown in it.
 
-use super::{Anchor, Axis, FAINT, INK, Paint, Picture, Stroke, axis::Ruler, labels::Taken};
+use super::{Anchor, Axis, FAINT, INK, Paint, Picture, Scale, Stroke, axis::Ruler, labels::Taken};
 use glam::Vec2;
 use std::f32::consts::TAU;
 
@@ -104,8 +104,11 @@ impl Panel {
         let both = |d: &Datum| self.x.scale.holds(d.x) && self.y.scale.holds(d.y);
         let x = self.x.ruler(data().filter(|d| both(d)).map(|d| d.x));
         let rules = self.rules.iter().map(|r| r.y);
-        // Bars may run out of the frame at the lower end: it is often 0.
-        let y = self.y.ruler(data().filter(|d| both(d)).flat_map(|d| [d.y, ends(d)[1]]).chain(rules));
+        // Bars may run out of the frame at the lower end. Where they end at 0, the value between is noise: on a scale of
+        // factors it has no place, and only the bar is shown.
+        let is_noise = |d: &Datum| self.y.scale == Scale::Log && ends(d)[0] <= 0.0;
+        let values = |d: &Datum| if is_noise(d) { [ends(d)[1]; 2] } else { [d.y, ends(d)[1]] };
+        let y = self.y.ruler(data().filter(|d| both(d)).flat_map(values).chain(rules));
         let middle = (frame[0] + frame[1]) * 0.5;
         picture.text(Vec2::new(middle.x, low.y + 15.0), Anchor::Middle, TITLE, INK, &self.title);
         picture.text(Vec2::new(middle.x, high.y - 8.0), Anchor::Middle, WORDS, INK, &self.x.label);
@@ -124,13 +127,15 @@ impl Panel {
             taken.take(from, from + Vec2::new(super::font::width(&rule.label, NUMBERS) + 8.0, 16.0));
         }
         for series in &self.series {
-            let shown: Vec<Vec2> = series.points.iter().filter_map(|d| place(d.x, d.y)).collect();
+            let shown = series.points.iter().filter(|d| !is_noise(d)).filter_map(|d| place(d.x, d.y));
+            let shown: Vec<Vec2> = shown.collect();
             series.line.paint(picture, &shown, series.paint);
             if series.line != Line::None && series.line != Line::Broad {
                 taken.take_line(&shown);
             }
             for datum in &series.points {
-                let (Some(at), Some([low, high])) = (place(datum.x, datum.y), datum.interval) else { continue };
+                let inside = datum.y.clamp(y.range[0], y.range[1]);
+                let (Some(at), Some([low, high])) = (place(datum.x, inside), datum.interval) else { continue };
                 let upper = place(datum.x, high.min(y.range[1]));
                 let lower = place(datum.x, low.max(y.range[0]));
                 let ends = [lower.unwrap_or(at), upper.unwrap_or(at)];
@@ -148,7 +153,7 @@ impl Panel {
             }
         }
         for series in &self.series {
-            for datum in series.points.iter().filter(|d| !d.label.is_empty()) {
+            for datum in series.points.iter().filter(|d| !d.label.is_empty() && !is_noise(d)) {
                 if let Some(at) = place(datum.x, datum.y) {
                     taken.label(picture, frame, at, &datum.label, series.paint);
                 }
