@@ -21,7 +21,7 @@ fn sources(room: &str) -> Vec<(String, String)> {
             let name = path.to_str().unwrap().to_string();
             if path.is_dir() {
                 folders.push(name);
-            } else {
+            } else if name.ends_with(".rs") {
                 found.push((name, fs::read_to_string(&path).unwrap()));
             }
         }

@@ -171,11 +171,7 @@ fn solvers(chart: &Chart) -> Option<Figure> {
                 x: Axis { range: Some(of_all(reflectance)), ..Axis::log("passes over the matrix", Unit::Plain) },
                 y: Axis { range: Some([1e-6, 20.0]), ..Axis::log("over the mean of the darker half", Unit::Power) },
                 series: styled.collect(),
-                rules: if *is_error {
-                    vec![Rule { y: TOLERANCE, label: "tolerance of a bake".into() }]
-                } else {
-                    Vec::new()
-                },
+                rules: if *is_error { vec![Rule { y: TOLERANCE, label: "tolerance".into() }] } else { Vec::new() },
             }
         })
         .collect();
@@ -262,7 +258,7 @@ fn patches(chart: &Chart) -> Option<Figure> {
         columns: 1,
         panel: [560.0, 360.0],
         notes: vec![format!(
-            "Against {}; 95 % intervals. Numbers: edge of the page. {} rays a patch, fewer for more than 2^26 in all. Powers: over the three finest that are sure.",
+            "Against {}; 95 % intervals. Numbers: edge of the page. {} rays a patch, fewer for more than 2^26 in all. Powers: over all that can be told from noise.",
             truth(chart),
             patches.levels[0].rays
         )],

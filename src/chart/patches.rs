@@ -16,7 +16,7 @@ use serde::Serialize;
 pub struct Patchwork {
     /// From coarse to fine.
     pub levels: Vec<Level>,
-    /// By reading: power of the patches' edge with which the error falls, over the three finest levels whose error is well above the noise.
+    /// By reading: power of the patches' edge with which the error falls, over all levels whose error can be told from noise.
     pub order: Vec<(&'static str, Option<f64>)>,
 }
 
@@ -40,8 +40,6 @@ const COARSEST: u32 = 16;
 /// Rays a row: what is left of their noise is small, and for as many texels neighbours still share them.
 const RAYS: u32 = 1024;
 const RAYS_IN_ALL: u64 = 1 << 26;
-/// Levels that tell how errors go on to fall.
-const FINEST: usize = 3;
 
 /// Bakes from coarse to fine. The layouts are luxel's own: those of an author cannot be coarse.
 pub(super) fn measure(bench: &Bench, truth: &Truth, left_out: &mut Vec<LeftOut>) -> Result<Patchwork> {
@@ -87,12 +85,11 @@ fn missing(edge: u32, refused: Option<String>) -> LeftOut {
     LeftOut { sweep: Sweep::Patches.name(), name: format!("{edge} x {edge}"), refused }
 }
 
-/// Over the finest levels of those whose interval is no wider than the error itself.
+/// Over the levels whose interval is no wider than the error itself.
 fn order(levels: &[Level], reading: usize) -> Option<f64> {
     let sure = levels.iter().filter_map(|level| {
         let error = level.errors[reading].1.filter(|e| e.high - e.low < e.value)?;
         Some((level.edge, error.value))
     });
-    let sure: Vec<_> = sure.collect();
-    power(&sure[sure.len().saturating_sub(FINEST)..])
+    power(&sure.collect::<Vec<_>>())
 }
