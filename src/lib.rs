@@ -5,7 +5,8 @@
 //! ```
 //!
 //! Each module is a room named after the one type that leaves it; a room imports only rooms listed above it.
-//! [`bake::bake`] is the whole pipeline. It touches no file: [`gltf`] holds the two doors.
+//! [`bake::bake`] is the whole pipeline; [`chart`] holds its efforts against each other. Neither touches
+//! a file: [`gltf`] holds the two doors.
 //! [`preview`], [`render`] and [`inspect`] are for the eye.
 //!
 //! Units: metres, radiometric quantities without spectral weight; the lightmap stores irradiance E. Linear Rec. 709.
@@ -13,6 +14,7 @@
 pub mod error;
 pub mod files;
 pub mod memory;
+pub mod processor;
 pub mod progress;
 pub mod report;
 
@@ -43,3 +45,5 @@ pub mod preview;
 pub mod render;
 
 pub mod inspect;
+
+pub mod chart;

@@ -7,6 +7,7 @@ use glam::{Vec3, vec3};
 use luxel::{
     atlas::{self, Density},
     bake::{self, Options},
+    lightmaps::Reading,
     progress::Silent,
     render,
     scene::Material,
@@ -23,7 +24,7 @@ fn seen(metal: Material, paths: u32) -> Vec<Vec3> {
     let atlas = atlas::Options { density: Density::Resolution(64), ..atlas::Options::default() };
     let options = Options { atlas, ..Options::default() };
     let baked = bake::bake(&stage.scene, &options, &Silent).unwrap();
-    let view = render::of_bake(&baked, paths);
+    let view = render::of_bake(&baked, Reading::Bilinear, paths);
     let eyes = (0..40).map(|i| vec3(1.8 - 0.09 * i as f32, 1.1, 1.7 - 0.03 * i as f32));
     eyes.map(|eye| view.sight(eye, -eye.normalize()).unwrap().radiance).collect()
 }

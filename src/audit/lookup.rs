@@ -1,10 +1,16 @@
-//! The map as a viewer reads it, and as it would be at half its density.
+//! The map as it would be at half its density.
 
-use crate::lightmaps::Map;
+use crate::{
+    atlas::Coverage,
+    lightmaps::{Lightmaps, Map},
+};
 use glam::{IVec2, Vec2, Vec3};
 
-/// Bilinear look-up, at texel coordinates `at`, in the map of every second texel: the means of 2 x 2 covered ones.
-pub(super) fn halved(map: &Map, at: Vec2) -> Vec3 {
+/// Bilinear look-up in the map of every second texel: the means of 2 x 2 covered ones.
+pub(super) fn halved(coverage: &Coverage, maps: &Lightmaps, triangle: u32, bary: Vec2) -> Vec3 {
+    let charted = &coverage.charted[triangle as usize];
+    let at = charted.at(bary);
+    let Some(map) = maps.pages.get(charted.page as usize) else { return Vec3::ZERO };
     let p = at * 0.5 - 0.5;
     let (corner, f) = (p.floor().as_ivec2(), p - p.floor());
     let (mut sum, mut weight) = (Vec3::ZERO, 0.0);

@@ -16,29 +16,34 @@
 
 pub(crate) mod emitters;
 mod figures;
+mod given;
+mod halves;
 mod lamps;
 mod lookup;
 mod path;
 mod points;
 mod sky;
 pub(crate) mod surface;
+mod truth;
+
+pub use truth::Truth;
 
 use crate::{
-    atlas::{Coverage, NO_PAGE},
+    atlas::Coverage,
     error::Result,
-    lightmaps::Lightmaps,
+    lightmaps::{Lightmaps, Reading},
     math::hash,
-    progress::{self, Observer},
+    progress::Observer,
     trace::{Hit, Tracer},
 };
 use figures::Point;
 use glam::{DVec3, Vec3};
-use path::{Bundle, Lights, PARTS, Sum, net};
-use points::Texels;
+use halves::Halves;
+use path::{Bundle, Lights};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::time::{Duration, Instant};
-use surface::{Footprint, Place};
+use truth::{Drawn, draw};
 
 /// The lightmap to be audited, and the scene it is of.
 #[derive(Clone, Copy)]
@@ -145,62 +150,40 @@ pub struct Reference {
     pub enclosed: f64,
 }
 
-/// Places of either half of a point.
-const PLACES: u32 = 32;
 /// Points between two looks at the clock.
 const ROUND: u32 = 16;
-/// Points that are enough for anything.
-const MOST: u32 = 1 << 24;
-/// A texel of which more is enclosed is left out.
-const ENCLOSED: f64 = 0.02;
-/// Share of the rays from an enclosed place that may meet fronts, if all backs that they meet are dark.
-const FRONTS: f64 = 0.125;
 /// Least paths from a place: their first rays decide whether it is enclosed.
 const LEAST_PATHS: u32 = 16;
 
 impl Audit {
     /// Audits a lightmap.
     pub fn of(subject: &Subject, options: &Options, observer: &dyn Observer) -> Result<Self> {
-        let (start, level) = (Instant::now(), options.level);
-        let mut audit = Audit { level, ..Audit::default() };
-        let Some(texels) = Texels::new(subject) else { return Ok(audit) };
-        let lights = Lights::new(subject);
-        let most = if let Budget::Points(n) = options.budget { n.min(MOST) } else { MOST };
-        observer.begin("audit", if most < MOST { u64::from(most) } else { 0 });
-        let (mut points, mut drawn) = (Vec::new(), 0);
-        while drawn < most && !options.budget.ends(start.elapsed(), audit.rays, drawn) {
-            let next = drawn..(drawn + ROUND).min(most);
-            drawn = next.end;
-            let looks: Vec<Look> = next
-                .into_par_iter()
-                .map_init(Bundle::default, |bundle, i| look(subject, &lights, &texels, options, i, bundle))
-                .collect();
-            progress::check(observer)?;
-            observer.advance(looks.len() as u64);
-            for found in looks {
-                audit.rays += found.rays;
-                match found.point {
-                    Some(point) => points.push(point),
-                    None => audit.enclosed += 1,
-                }
-            }
-        }
-        audit.points = points.len();
-        audit.paths = u64::from(drawn) * 2 * u64::from(PLACES * options.paths_a_place());
-        audit.conclude(&points, options.seed);
+        let start = Instant::now();
+        let drawn = draw(subject, options, observer, |known| known.point_with_look_ups(subject))?;
+        let (points, level, seed) = (&drawn.kept[..], options.level, options.seed);
+        let mut audit = Audit::errors(&drawn, options);
+        audit.median = figures::quantile(points, 0.5, level, seed);
+        audit.p95 = figures::quantile(points, 0.95, level, seed);
+        audit.texel_size = figures::texel_size(points, level, seed);
         audit.seconds = start.elapsed().as_secs_f64();
         Ok(audit)
     }
 
-    fn conclude(&mut self, points: &[Point], seed: u32) {
-        let level = self.level;
-        self.error = figures::error(points, level, seed);
-        self.dark = figures::error_of_dark(points, level, seed);
-        self.border = figures::error_of_part(points, level, seed, |p| p.border);
-        self.bias = figures::bias(points, level, seed);
-        self.median = figures::quantile(points, 0.5, level, seed);
-        self.p95 = figures::quantile(points, 0.95, level, seed);
-        self.texel_size = figures::texel_size(points, level, seed);
+    /// The mean figures alone: the others take long.
+    fn errors(drawn: &Drawn<Point>, options: &Options) -> Self {
+        let (points, level, seed) = (&drawn.kept[..], options.level, options.seed);
+        Audit {
+            points: points.len(),
+            enclosed: drawn.enclosed,
+            paths: drawn.paths,
+            rays: drawn.rays,
+            level,
+            error: figures::error(points, level, seed),
+            dark: figures::error_of_dark(points, level, seed),
+            border: figures::error_of_part(points, level, seed, |p| p.border),
+            bias: figures::bias(points, level, seed),
+            ..Audit::default()
+        }
     }
 }
 
@@ -239,109 +222,9 @@ impl Subject<'_, '_> {
 
     /// What the map says of the irradiance where a ray ended; 0 where it says nothing.
     fn known(&self, hit: &Hit) -> Vec3 {
-        let charted = &self.coverage.charted[hit.triangle as usize];
-        if charted.page == NO_PAGE || !hit.front {
-            return Vec3::ZERO;
-        }
-        let texel = self.coverage.texel_near(charted, charted.at(hit.bary));
-        texel.map_or(Vec3::ZERO, |t| self.value(t as usize))
-    }
-}
-
-/// One point looked at; none if its texel is enclosed.
-struct Look {
-    point: Option<Point>,
-    rays: u64,
-}
-
-fn look(subject: &Subject, lights: &Lights, texels: &Texels, options: &Options, i: u32, bundle: &mut Bundle) -> Look {
-    // Points spread evenly over the area, however many there are.
-    let share = net(i, 0, hash(options.seed, 0x6175_6469)).x;
-    let (texel, weight) = texels.at(f64::from(share));
-    let halves = Halves::walk(subject, lights, texel, options, hash(hash(options.seed, 0x706f_696e), i), bundle);
-    let point = (halves.enclosed() <= ENCLOSED).then(|| {
-        let x = subject.value(texel).as_dvec3();
-        let [a, b] = halves.irradiance();
-        let truth = mean(a + b) * 0.5;
-        let difference = mean(x) - truth;
-        Point {
-            weight,
-            value: mean(x),
-            truth,
-            square: mean((x - a) * (x - b)),
-            relative: [mean(x - a) * mean(x - b), difference * difference],
-            lookups: halves.lookups(subject),
-            dark: texels.is_dark(subject, texel),
-            border: points::is_border(subject, texel),
-        }
-    });
-    Look { point, rays: halves.rays }
-}
-
-/// Both halves of a point: open places, and what the parts of their paths found.
-struct Halves {
-    open: [Vec<(Place, [DVec3; PARTS])>; 2],
-    places: usize,
-    rays: u64,
-}
-
-impl Halves {
-    fn walk(
-        subject: &Subject,
-        lights: &Lights,
-        texel: usize,
-        options: &Options,
-        seed: u32,
-        bundle: &mut Bundle,
-    ) -> Self {
-        let (world, footprint) = (&subject.tracer.world, Footprint::new(subject.coverage, texel));
-        let each = options.paths_a_place();
-        let mut halves = Halves { open: Default::default(), places: 0, rays: 0 };
-        for half in 0..2 {
-            let seed = hash(seed, half);
-            let on_surface = |k| footprint.at(net(k, 5, seed)).map(|(t, bary)| Place::on(world, t, bary, true));
-            let places: Vec<Place> = (0..PLACES).filter_map(on_surface).collect();
-            let mut sums = vec![Sum::default(); places.len() * PARTS];
-            halves.rays += bundle.walk(subject, lights, &places, each as usize, seed, &mut sums);
-            halves.places += places.len();
-            let open = |sums: &[Sum]| {
-                let all = |of: fn(&Sum) -> u32| sums.iter().map(of).sum::<u32>();
-                let most = if all(|s| s.sheets) > 0 { 0.0 } else { FRONTS * f64::from(each) };
-                all(|s| s.out) > 0 || f64::from(all(|s| s.fronts)) > most
-            };
-            let each_part = f64::from(each) / PARTS as f64;
-            let found = places.iter().zip(sums.chunks(PARTS)).filter(|(_, sums)| open(sums));
-            halves.open[half as usize] =
-                found.map(|(p, sums)| (*p, std::array::from_fn(|i| sums[i].irradiance / each_part))).collect();
-        }
-        halves
-    }
-
-    fn enclosed(&self) -> f64 {
-        1.0 - (self.open[0].len() + self.open[1].len()) as f64 / self.places.max(1) as f64
-    }
-
-    /// Mean over the open places of either half.
-    fn irradiance(&self) -> [DVec3; 2] {
-        [0, 1].map(|half| {
-            let open = &self.open[half];
-            let sum: DVec3 = open.iter().map(|(_, parts)| parts.iter().sum::<DVec3>()).sum();
-            sum / (open.len() * PARTS).max(1) as f64
-        })
-    }
-
-    /// Squared errors at places, on average: of the bilinear look-up, and of the map at half its density.
-    fn lookups(&self, subject: &Subject) -> [f64; 2] {
-        let (mut sums, mut count) = ([0.0; 2], 0.0);
-        for (place, [a, b]) in self.open.iter().flatten() {
-            let charted = &subject.coverage.charted[place.triangle as usize];
-            let (at, map) = (charted.at(place.bary), &subject.lightmaps.pages[charted.page as usize]);
-            for (sum, x) in sums.iter_mut().zip([map.bilinear(at), lookup::halved(map, at)]) {
-                *sum += mean((x.as_dvec3() - *a) * (x.as_dvec3() - *b));
-            }
-            count += 1.0;
-        }
-        sums.map(|s| s / f64::max(count, 1.0))
+        let Subject { coverage, lightmaps, .. } = *self;
+        let read = || lightmaps.read(coverage, hit.triangle, hit.bary, Reading::Constant);
+        if hit.front { read() } else { Vec3::ZERO }
     }
 }
 

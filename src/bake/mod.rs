@@ -4,7 +4,7 @@ mod energy;
 mod plan;
 mod target;
 
-pub use target::{Target, bake_to};
+pub use target::{Quality, Target, bake_to};
 
 use crate::{
     atlas::{self, Atlas, Coverage},

@@ -29,6 +29,54 @@ pub struct Target {
     pub most_rays: u32,
 }
 
+impl Default for Target {
+    /// What nobody asked for: 2 %, but no more than 64 rays.
+    fn default() -> Self {
+        Target { error: Some(0.02), time: None, most_rays: 64 }
+    }
+}
+
+impl Target {
+    /// What somebody asked for.
+    pub fn typed(error: Option<f64>, time: Option<Duration>) -> Self {
+        Target { error, time, most_rays: 1024 }
+    }
+}
+
+/// Errors by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quality {
+    /// 10 %.
+    Preview,
+    /// 3 %.
+    Medium,
+    /// 1 %.
+    High,
+}
+
+impl Quality {
+    /// Everything there is to choose from.
+    pub const ALL: [Quality; 3] = [Quality::Preview, Quality::Medium, Quality::High];
+
+    /// The name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Quality::Preview => "preview",
+            Quality::Medium => "medium",
+            Quality::High => "high",
+        }
+    }
+
+    /// Relative error.
+    pub fn error(self) -> f64 {
+        match self {
+            Quality::Preview => 0.1,
+            Quality::Medium => 0.03,
+            Quality::High => 0.01,
+        }
+    }
+}
+
 /// Rays a texel, and shadow rays a source, to begin with: for errors that are seen, and for others.
 const ROUGH: u32 = 8;
 const FINE: u32 = 16;

@@ -1,9 +1,7 @@
 //! `luxel bake`: read, bake, write, tell.
 
 use super::{
-    args,
-    args::Quality,
-    audit, camera, console, lights, outputs,
+    args, audit, camera, console, lights, outputs,
     outputs::Outputs,
     pictures,
     progress::Progress,
@@ -14,7 +12,7 @@ use super::{
 use luxel::{
     atlas,
     audit::Audit,
-    bake::{self, Baked, Options, Target},
+    bake::{self, Baked, Options, Quality, Target},
     error::{Error, Result},
     gltf, memory, preview, progress, radiosity,
     report::{LightReport, Report, TargetReport},
@@ -72,16 +70,13 @@ pub fn run(args: &args::Bake) -> Result<ExitCode> {
 
 /// The output is written, but not as good as the user typed.
 const TARGET_MISSED: u8 = 4;
-/// Error to reach if nothing else is said.
-const ERROR: f64 = 0.02;
 
 /// What is to be reached; `None` where the effort is fixed.
 fn target(args: &args::Bake) -> Option<Target> {
     let error = args.error.or(args.quality.map(Quality::error));
     let fixed = args.rays.is_some() || args.bounces.is_some();
     let typed = error.is_some() || args.time.is_some();
-    let default = Target { error: Some(ERROR), time: None, most_rays: 64 };
-    (!fixed).then_some(if typed { Target { error, time: args.time, most_rays: 1024 } } else { default })
+    (!fixed).then_some(if typed { Target::typed(error, args.time) } else { Target::default() })
 }
 
 /// The warning that the error was not reached.

@@ -8,6 +8,7 @@ mod audit;
 mod bake;
 mod baked;
 mod camera;
+mod chart;
 mod console;
 mod inspect;
 mod lights;
@@ -39,6 +40,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Audit(options) => audit::run(&options),
         Command::Render(options) => render::run(&options),
         Command::Inspect(options) => inspect::run(&options),
+        Command::Chart(options) => chart::run(&options),
     };
     result.unwrap_or_else(|error| {
         console::error(&error);

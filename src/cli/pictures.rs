@@ -6,6 +6,7 @@ use luxel::{
     bake::Baked,
     error::{Error, Result},
     files::{self, has_extension},
+    lightmaps::Reading,
     pixels::{encode_png, exr},
     preview::{self, Cast, Picture},
     render::{self, View},
@@ -21,7 +22,7 @@ const PATHS: u32 = 16;
 
 /// What `camera`, or a camera that is found, sees of what was just baked.
 pub fn preview(scene: &Scene, baked: &Baked, camera: Option<Camera>) -> Picture {
-    paint(scene, &mut render::of_bake(baked, PATHS), camera, SIZE, GRID)
+    paint(scene, &mut render::of_bake(baked, Reading::Bilinear, PATHS), camera, SIZE, GRID)
 }
 
 /// What `camera`, or one that is found, sees by `grid` times `grid` rays a pixel.
@@ -33,12 +34,12 @@ pub fn paint(scene: &Scene, view: &mut View, camera: Option<Camera>, size: UVec2
         view.paths = paths;
         camera
     });
-    preview::paint(&|o, d| view.sight(o, d), &scene.sky, &camera, size, grid)
+    preview::paint(&|o, d| view.sight(o, d), &scene.sky, &camera, size, grid, None)
 }
 
 /// What a ray sees as it is, without a sky.
 pub fn plain(cast: &Cast, camera: &Camera) -> Picture {
-    preview::paint(cast, &Sky::Black, camera, SIZE, GRID)
+    preview::paint(cast, &Sky::Black, camera, SIZE, GRID, None)
 }
 
 /// Width of such a picture over its height.

@@ -5,8 +5,10 @@
 
 mod fill;
 pub(crate) use fill::gutters;
+mod reading;
 mod seams;
 
+pub use reading::Reading;
 pub use seams::jump_across_seams;
 
 use crate::{
@@ -160,19 +162,5 @@ impl<'a> Charts<'a> {
         let (instance, t) = largest.map_or((0, 0), |f| self.world.locate(f.triangle));
         let mesh = self.world.scene.instances[instance].mesh as usize;
         (instance as u32, self.atlas.layouts[mesh].charts[t as usize])
-    }
-}
-
-impl Map {
-    /// Irradiance at texel coordinates `at`, bilinear as engines read it.
-    pub fn bilinear(&self, at: glam::Vec2) -> Vec3 {
-        let p = at - 0.5;
-        let (i, f) = (p.floor().as_ivec2(), p - p.floor());
-        let get = |x: i32, y: i32| {
-            let (x, y) = (x.clamp(0, self.size.x as i32 - 1), y.clamp(0, self.size.y as i32 - 1));
-            self.irradiance[y as usize * self.size.x as usize + x as usize]
-        };
-        let row = |y: i32| get(i.x, y).lerp(get(i.x + 1, y), f.x);
-        row(i.y).lerp(row(i.y + 1), f.y)
     }
 }

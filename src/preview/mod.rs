@@ -102,7 +102,7 @@ mod tests {
         for half in [Vec3::ONE, Vec3::new(6.0, 1.5, 2.0), Vec3::splat(280.0)] {
             let room = room(half, false);
             let camera = frame(&room, -half, half, 16.0 / 9.0);
-            let picture = paint(&room, &crate::scene::Sky::Black, &camera, glam::UVec2::new(64, 36), 2);
+            let picture = paint(&room, &crate::scene::Sky::Black, &camera, glam::UVec2::new(64, 36), 2, None);
             let dark = picture.rgb.iter().filter(|c| c[0] == 0).count();
             assert!(dark < picture.rgb.len() / 10, "{camera:?}: {dark}");
         }

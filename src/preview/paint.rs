@@ -24,8 +24,8 @@ pub struct Picture {
 /// Radiance along a ray, and the surface that it comes from, if any.
 type Seen = (Vec3, Option<Sight>);
 
-/// What `camera` sees, by `grid` times `grid` rays a pixel.
-pub fn paint(cast: &Cast, sky: &Sky, camera: &Camera, size: UVec2, grid: u32) -> Picture {
+/// What `camera` sees, by `grid` times `grid` rays a pixel, with an exposure that is given or found.
+pub fn paint(cast: &Cast, sky: &Sky, camera: &Camera, size: UVec2, grid: u32, exposure: Option<f32>) -> Picture {
     let aspect = size.x as f32 / size.y as f32;
     let (tan_x, tan_y) = half_extent(camera.yfov, aspect);
     let (right, up) = axes(camera.forward, camera.up);
@@ -39,7 +39,8 @@ pub fn paint(cast: &Cast, sky: &Sky, camera: &Camera, size: UVec2, grid: u32) ->
     let rows = (0..fine.y).into_par_iter().flat_map_iter(|y| (0..fine.x).map(move |x| (x, y)));
     let seen: Vec<Seen> = rows.map(|(x, y)| radiance(x, y)).collect();
     let is_lit = |sight: &Option<Sight>| sight.is_some_and(|s| !s.unlit);
-    let exposure = auto_exposure(seen.iter().filter(|s| is_lit(&s.1)).map(|s| luminance(s.0)).collect());
+    let lit = || seen.iter().filter(|s| is_lit(&s.1)).map(|s| luminance(s.0)).collect();
+    let exposure = exposure.unwrap_or_else(|| auto_exposure(lit()));
     let cell =
         |x: u32, y: u32| (0..grid * grid).map(move |k| ((y * grid + k / grid) * fine.x + x * grid + k % grid) as usize);
     let color = |&(radiance, sight): &Seen| match sight {
@@ -110,7 +111,7 @@ mod tests {
             (d.y > 0.0).then_some(Sight { distance: 1.0, front: true, radiance: Vec3::ONE, unlit: false })
         };
         let camera = super::super::at(Vec3::ZERO, Vec3::NEG_Z, 1.0);
-        let picture = paint(&sky, &Sky::Black, &camera, UVec2::new(4, 4), 2);
+        let picture = paint(&sky, &Sky::Black, &camera, UVec2::new(4, 4), 2, None);
         assert_eq!((picture.rgb.len(), picture.rgb[15]), (16, [0; 3]));
         assert!(picture.rgb[0][0] > 200);
     }

@@ -4,22 +4,21 @@ use super::View;
 use crate::{
     atlas::{Coverage, NO_PAGE},
     bake::Baked,
-    lightmaps::{Content, Lightmaps},
+    lightmaps::{Content, Lightmaps, Reading},
     trace::{Hit, Tracer},
 };
 use glam::Vec3;
 
-/// A view of what was just baked: all of its light, whatever the maps hold.
-pub fn of_bake<'v, 's>(baked: &'v Baked<'s>, paths: u32) -> View<'v, 's> {
+/// A view of what was just baked, its maps read so: all of its light, whatever they hold.
+pub fn of_bake<'v, 's>(baked: &'v Baked<'s>, reading: Reading, paths: u32) -> View<'v, 's> {
     let content = baked.lightmaps.content;
     let known = move |hit: &Hit| {
         let charted = &baked.coverage.charted[hit.triangle as usize];
         let page = baked.atlas.pages.get(charted.page as usize)?;
-        let at = charted.at(hit.bary);
         if !page.hidden && content != Content::Direct {
-            return Some(baked.lightmaps.pages[charted.page as usize].bilinear(at));
+            return Some(baked.lightmaps.read(&baked.coverage, hit.triangle, hit.bary, reading));
         }
-        let texel = baked.coverage.texel_near(charted, at);
+        let texel = baked.coverage.texel_near(charted, charted.at(hit.bary));
         Some(texel.map_or(Vec3::ZERO, |t| baked.irradiance[t as usize]))
     };
     View::new(&baked.tracer, Box::new(known), content, paths)

@@ -7,7 +7,8 @@ use crate::{
 };
 use glam::Vec3;
 use luxel::{
-    audit::{Audit, Budget, Interval, Options},
+    audit::{Audit, Budget, Interval, Options, Truth},
+    lightmaps::Reading,
     math::{hash, unit_float},
     progress::Silent,
     scene::Scene,
@@ -77,6 +78,35 @@ fn a_perfect_map_is_perfect() {
     let audit = blank.audit(300, 2);
     holds(audit.error, 0.0, 0.01);
     holds(audit.bias, 0.0, 0.006);
+}
+
+/// Points that were kept say what an audit says that forgets them, of the map that they were drawn by and of others; and
+/// a map that is given as the truth says it exactly.
+#[test]
+fn truths_are_kept() {
+    let (scene, edge) = furnace();
+    let mut blank = Blank::new(&scene, edge);
+    blank.paint(|_| Vec3::splat(2.0));
+    let options = Options { budget: Budget::Points(300), ..Options::default() };
+    let truth = Truth::of(&blank.subject(), &options, &Silent).expect("a truth");
+    let figures = |a: &Audit| format!("{:?}", [a.error, a.dark, a.border, a.bias]);
+    assert_eq!(figures(&truth.audit(&blank.subject())), figures(&blank.audit(300, 0)));
+    let right = blank.lightmaps.clone();
+    let off = |i: usize| 0.03 * 3f32.sqrt() * (2.0 * unit_float(hash(i as u32, 0)) - 1.0);
+    blank.paint(|i| Vec3::splat(2.0 * (1.05 + off(i))));
+    let audit = truth.audit(&blank.subject());
+    holds(audit.bias, 0.05, 0.008);
+    holds(audit.error, (0.05f64 * 0.05 + 0.03 * 0.03).sqrt(), 0.008);
+    let texels = blank.coverage.texels.len();
+    let mean = |of: &dyn Fn(f64) -> f64| (0..texels).map(|i| of(f64::from(off(i)) + 0.05)).sum::<f64>() / texels as f64;
+    let (bias, error) = (mean(&|x| x), mean(&|x| x * x).sqrt());
+    let exact = Audit::against(&blank.subject(), &right);
+    let near = |i: Option<Interval>, x: f64| i.is_some_and(|i| (i.value - x).abs() < 1e-6 && i.low == i.high);
+    assert!(near(exact.bias, bias) && near(exact.error, error) && exact.points == texels, "{exact:?}");
+    // The filter averages noise: between texels less is left than in them.
+    let read = |reading| truth.look_ups(&blank.coverage, &blank.lightmaps, reading);
+    holds(read(Reading::Constant), error, 0.01);
+    holds(read(Reading::Bilinear), 0.0537, 0.01);
 }
 
 /// The intervals of bakes of small rooms hold their true errors. (`tools/audit.rs` does it for a hundred.)

@@ -7,6 +7,7 @@ use super::{
 use clap::{ArgGroup, builder::RangedU64ValueParser};
 use luxel::{
     atlas::{PAGE_EDGES, Unwrap},
+    bake::Quality,
     lightmaps::Content,
     radiosity::Solver,
     transport::Receivers,
@@ -187,36 +188,7 @@ pub struct Bake {
     pub strict: bool,
 }
 
-/// Targets by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quality {
-    Preview,
-    Medium,
-    High,
-}
-
-impl Quality {
-    pub const ALL: [Quality; 3] = [Quality::Preview, Quality::Medium, Quality::High];
-
-    pub fn name(self) -> &'static str {
-        match self {
-            Quality::Preview => "preview",
-            Quality::Medium => "medium",
-            Quality::High => "high",
-        }
-    }
-
-    /// Relative error.
-    pub fn error(self) -> f64 {
-        match self {
-            Quality::Preview => 0.1,
-            Quality::Medium => 0.03,
-            Quality::High => 0.01,
-        }
-    }
-}
-
-fn edge() -> RangedU64ValueParser<u32> {
+pub(super) fn edge() -> RangedU64ValueParser<u32> {
     let (least, most) = PAGE_EDGES.into_inner();
     RangedU64ValueParser::new().range(u64::from(least)..=u64::from(most))
 }

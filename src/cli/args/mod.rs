@@ -3,12 +3,14 @@
 mod audit;
 mod bake;
 mod baked;
+mod chart;
 mod inspect;
 mod render;
 
 pub use audit::Audit;
-pub use bake::{Bake, Quality};
+pub use bake::Bake;
 pub use baked::Baked;
+pub use chart::Chart;
 pub use inspect::Inspect;
 pub use render::Render;
 
@@ -37,6 +39,8 @@ pub enum Command {
     Render(Box<Render>),
     /// Paint what the lightmaps of a baked file are like: density, charts, overlaps, validity, rows, error
     Inspect(Box<Inspect>),
+    /// Chart speed against accuracy on a scene: rays, solvers, receivers, texels, threads
+    Chart(Box<Chart>),
 }
 
 /// One of a closed set, by its name.
