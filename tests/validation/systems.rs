@@ -30,7 +30,7 @@ fn solve_lumped(f: &[Vec<f64>], rho: &[f64], exitance: &[f64]) -> Vec<f64> {
     let direct =
         Direct { lights: none(), hidden_lights: none(), emitters: none(), sky_peaks: none(), ..Direct::default() };
     let transport = Transport::from_rows(n, f.iter().map(|row| counted(row)));
-    transport.validate().expect("rows of form factors");
+    transport.validate(&patches).expect("rows of form factors");
     let sky = vec![Vec3::ZERO; luxel::math::CELLS as usize];
     let system = System::new(&transport, &patches, &direct, &sky, true);
     let solved = Solver::ALL.map(|s| system.solve(s, 1e-7, &Silent).expect("nobody interrupts").indirect);
