@@ -118,7 +118,7 @@ pub(super) fn describe(r: &mut Report, ground: &Ground, lit: &Lit, options: &Opt
         name: form_factors.to_string(),
         rescaled: transport.stats.rescaled,
         excess: transport.stats.excess,
-        reciprocity: (form_factors != FormFactors::Rays).then(|| transport.reciprocity(&patches.area)),
+        reciprocity: (form_factors != FormFactors::Rays).then(|| transport.reciprocity(patches)),
     };
     r.matrix_entries = transport.rows.entries();
     r.matrix_bytes = transport.rows.bytes();

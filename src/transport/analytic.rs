@@ -18,13 +18,15 @@ use crate::{
     math::{PointTable, hash},
     patches::{Footprint, Patches, SurfacePoint},
     progress::{Observer, check},
-    trace::{Segment, Tracer},
+    trace::{NOWHERE, Segment, Tracer},
 };
 use glam::Vec3;
 use rayon::prelude::*;
 
 /// Most patches, as --help says: a minute or two.
 pub const MOST: usize = 4096;
+/// Most polygons inside their texels, all together: each is looked at beside each.
+const MOST_POLYGONS: usize = 2 * MOST;
 /// Segments between two patches.
 const SEGMENTS: usize = 16;
 /// A row's sum may be off by so much before it is said that it was scaled: single precision, and the outer integral's end.
@@ -43,7 +45,14 @@ pub(super) fn measure(
     let Measured { rows, mut stats, .. } = rays::measure(tracer, coverage, patches, receivers, options, observer)?;
     FormFactors::Analytic.check(patches.len())?;
     let receivers: Vec<u32> = receivers.iter().copied().chain(patches.fronts as u32..patches.len() as u32).collect();
-    let pairs = Pairs { tracer, patches, shapes: shapes(tracer, coverage, patches), rays: &rows };
+    let shapes = shapes(tracer, coverage, patches);
+    let polygons: usize = shapes.iter().map(|s| s.polygons.len()).sum();
+    if polygons > MOST_POLYGONS {
+        let most = MOST_POLYGONS;
+        let problem = format!("{polygons} pieces of triangles in texels are more than the {most} whose pairs it takes");
+        return Err(FormFactors::Analytic.refusal(&problem));
+    }
+    let pairs = Pairs { tracer, patches, shapes, rays: &rows };
     observer.begin("transport: pairs", receivers.len() as u64);
     let firsts: Vec<usize> = (0..receivers.len()).step_by(BLOCK).collect();
     let done: Vec<_> = firsts
@@ -161,24 +170,31 @@ impl Pairs<'_> {
         entries.into_iter().map(|(c, w)| (c, w as f32)).collect()
     }
 
-    /// Share of segments between two patches that nothing hinders, and of the second that rays meet; the same both ways.
+    /// Share of segments between two patches that nothing hinders, of those that leave the front of one for that of the
+    /// other, and of the second that rays meet; the same both ways.
     fn visibility(&self, i: usize, j: usize, stats: &mut Stats) -> f64 {
         let (low, high) = (i.min(j), i.max(j));
         let turn = hash(low as u32, high as u32) as usize;
-        let segment = |k: usize| {
+        let mut segments = [Segment { origin: Vec3::ZERO, direction: Vec3::ZERO, t: 1.0, from: NOWHERE }; SEGMENTS];
+        let mut count = 0;
+        for (k, a) in self.shapes[low].points.iter().enumerate() {
             // An odd factor takes every point once.
-            let (a, b) = (&self.shapes[low].points[k], &self.shapes[high].points[(k * 5 + turn) % SEGMENTS]);
+            let b = &self.shapes[high].points[(k * 5 + turn) % SEGMENTS];
             let direction = b.lifted() - a.lifted();
-            Segment { origin: a.lifted(), direction, t: 1.0, from: a.triangle }
-        };
-        let segments: [Segment; SEGMENTS] = std::array::from_fn(segment);
-        let mut through = [Vec3::ZERO; SEGMENTS];
-        self.tracer.transmittance_of_each(&segments, &mut through);
-        stats.traced += SEGMENTS as u64;
-        let seen: f64 = through.iter().map(|t| f64::from(t.element_sum()) / 3.0).sum();
+            if direction.dot(a.face) > 0.0 && direction.dot(b.face) < 0.0 {
+                segments[count] = Segment { origin: a.lifted(), direction, t: 1.0, from: a.triangle };
+                count += 1;
+            }
+        }
+        let mut through = [Vec3::ONE; SEGMENTS];
+        self.tracer.transmittance_of_each(&segments[..count], &mut through[..count]);
+        stats.traced += count as u64;
+        // The corners of two that hardly face each other: nothing is said to hinder them.
+        let count = if count > 0 { count } else { SEGMENTS };
+        let seen: f64 = through[..count].iter().map(|t| f64::from(t.element_sum()) / 3.0).sum();
         let holes = f64::from(self.patches.area[j]) / self.shapes[j].area;
         // Areas without holes are the same but for rounding.
-        seen / SEGMENTS as f64 * if holes > 1.0 - 1e-4 { 1.0 } else { holes }
+        seen / count as f64 * if holes > 1.0 - 1e-4 { 1.0 } else { holes }
     }
 }
 

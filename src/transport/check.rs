@@ -51,11 +51,11 @@ impl Transport {
                 }
             }
         }
-        Ok(Checked { sums, reciprocity: self.reciprocity(&patches.area) })
+        Ok(Checked { sums, reciprocity: self.reciprocity(patches) })
     }
 
-    /// [`Checked::reciprocity`], where patches have these areas.
-    pub fn reciprocity(&self, area: &[f32]) -> f64 {
+    /// [`Checked::reciprocity`]; of a patch, its open part counts.
+    pub fn reciprocity(&self, patches: &Patches) -> f64 {
         let merged = |i: usize| {
             let mut entries: Vec<(u32, f64)> = self.rows.row(i).split(self.patches as u32)[0].entries().collect();
             entries.sort_by_key(|e| e.0);
@@ -63,7 +63,7 @@ impl Transport {
             entries.chunk_by(|a, b| a.0 == b.0).map(sum).collect::<Vec<_>>()
         };
         let rows: Vec<Vec<(u32, f64)>> = (0..self.rows.len()).into_par_iter().map(merged).collect();
-        let area = |patch: u32| f64::from(area[patch as usize]);
+        let area = |p: u32| f64::from(patches.area[p as usize] * patches.validity[p as usize]);
         let (mut all, mut apart) = (0.0, 0.0);
         for (row, &i) in rows.iter().zip(&self.receivers) {
             for &(j, there) in row {
