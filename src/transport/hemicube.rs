@@ -118,25 +118,26 @@ impl Method for Hemicube<'_> {
 }
 
 impl Hemicube<'_> {
-    /// Stands on the texel's middle, or on the open place that is nearest to it.
+    /// Stands on the place that is nearest to the texel's middle; on the nearest open one if that is enclosed.
     fn row(&self, receiver: &Receiver, done: &mut Done) {
-        let middle = receiver.surface(Vec2::splat(0.5));
-        let mut view = self.view(receiver, &middle, &mut done.stats);
+        let places = self.table.block(receiver.at.x, receiver.at.y, 0).iter().map(|p| p.place);
+        let mut points: Vec<SurfacePoint> = places.map(|place| receiver.surface(place)).collect();
+        let middle = points.iter().map(|p| p.position).sum::<Vec3>() / PLACES as f32;
+        // The middle of the unit square is that of a square texel, but may lie at the border of one of several pieces.
+        points.push(receiver.surface(Vec2::splat(0.5)));
+        let far = |p: &SurfacePoint| p.position.distance_squared(middle);
+        points.sort_by(|a, b| far(a).total_cmp(&far(b)));
+        let mut view = self.view(receiver, &points[0], &mut done.stats);
         let (mut validity, mut buried) = (1.0, false);
         if !view.behind.is_empty() {
-            let places = self.table.block(receiver.at.x, receiver.at.y, 0).iter().map(|p| receiver.surface(p.place));
-            let points: Vec<SurfacePoint> = std::iter::once(middle).chain(places).collect();
             let enclosed = self.sight.holds(receiver, &points, &mut 0);
-            let open = points.iter().zip(&enclosed).skip(1).filter(|(_, enclosed)| !**enclosed).map(|(p, _)| p);
-            let near = |p: &&SurfacePoint| p.position.distance_squared(middle.position);
-            let nearest = open.clone().min_by(|a, b| near(a).total_cmp(&near(b)));
-            (validity, buried) = match nearest {
-                Some(_) => (open.count() as f32 / PLACES as f32, false),
-                None => (1.0, enclosed[0]),
-            };
-            if let (true, Some(place)) = (enclosed[0], nearest) {
-                view = self.view(receiver, place, &mut done.stats);
+            let open = enclosed.iter().filter(|enclosed| !**enclosed).count();
+            match enclosed.iter().position(|enclosed| !enclosed) {
+                Some(0) => {}
+                Some(k) => view = self.view(receiver, &points[k], &mut done.stats),
+                None => buried = true,
             }
+            validity = if buried { 1.0 } else { open as f32 / points.len() as f32 };
         }
         for (seen, pixel) in view.behind {
             view.columns.push((self.sight.column(seen, &mut done.stats), pixel));

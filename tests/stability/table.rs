@@ -28,7 +28,9 @@ fn every_way_holds_or_says_why_not() {
     for scene in SCENES {
         let cell = |way: &Way| {
             let (name, by) = (scene.name, way.name());
-            match (scene.off)(*way) {
+            let found = (scene.off)(*way);
+            println!("{name} by {by}: {found:?}");
+            match found {
                 Ok(off) if off <= scene.tolerance => "holds".to_string(),
                 Ok(off) => {
                     let most = OFF.iter().find(|(scene, way, _)| *scene == name && (*way == by || *way == "*"));
