@@ -143,7 +143,7 @@ fn too_many_texels_for_closed_forms_are_wrong_usage() {
     let folder = Folder::new();
     let said = folder.luxel("bake room.gltf --resolution 128 --form-factors analytic");
     assert_eq!(said.code, 2, "{}", said.err);
-    for part in ["--form-factors analytic", "4096", "use --form-factors rays, or lower --resolution"] {
+    for part in ["--form-factors analytic", "2048", "use --form-factors rays, or lower --resolution"] {
         assert!(said.err.contains(part), "{part}: {}", said.err);
     }
     assert_eq!(folder.files(), ["room.gltf"]);

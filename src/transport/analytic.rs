@@ -24,9 +24,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 /// Most patches, as --help says: a minute or two.
-pub const MOST: usize = 4096;
+pub const MOST: usize = 2048;
 /// Most polygons inside their texels, all together: each is looked at beside each.
-const MOST_POLYGONS: usize = 2 * MOST;
+const MOST_POLYGONS: usize = 3 * MOST / 2;
 /// Segments between two patches.
 const SEGMENTS: usize = 16;
 /// A row's sum may be off by so much before it is said that it was scaled: single precision, and the outer integral's end.

@@ -218,11 +218,13 @@ pub fn element_to_polygon(case: &Case) -> Outcome {
     finish(case, stage, chart, (mean - exact::element_to_polygon(point, normal, &corners)).abs())
 }
 
-/// Share of a ball's output that meets a chart: A E / A_ball. The ball has 64 x 32 facets: below facet^2 / 8 of F.
+/// Share of a ball's output that meets a chart: A E / A_ball. The ball has 64 x 32 facets, half as many each way for
+/// closed forms: below facet^2 / 8 of F.
 fn from_ball(case: &Case, radius: f64, build: impl Fn(&mut Stage, u32) -> Chart) -> Outcome {
     let (mut stage, receiver, emitter) = black();
     let chart = build(&mut stage, receiver);
-    let ball = Ball::whole(Vec3::ZERO, radius, uvec2(64, 32), false);
+    let n = if case.way.form_factors == FormFactors::Analytic { 16 } else { 32 };
+    let ball = Ball::whole(Vec3::ZERO, radius, uvec2(2 * n, n), false);
     let source = ball.build(&mut stage, emitter);
     let ratio = stage.area(chart) / stage.area(source);
     let shape = ball.facet() * ball.facet() / 8.0 * case.expects("")?;

@@ -127,7 +127,7 @@ pub struct Bake {
     pub content: Content,
 
     /// Who measures how much texels see of each other: rays; hemicube, with N pixels along its edge, even, 4 to 512, one ray
-    /// each (64 if N is left out); analytic, closed forms between at most 4096 flat patches, with the backs that rays meet.
+    /// each (64 if N is left out); analytic, closed forms between at most 2048 flat patches, with the backs that rays meet.
     /// The last two are what rays are held against: they refuse --error, --time and --quality, hemicube --rays, too
     #[arg(long, value_name = "rays | hemicube[,N] | analytic", help_heading = "Method",
           default_value_t = FormFactors::default(), value_parser = values::form_factors)]
