@@ -59,7 +59,7 @@ type Parsed<T> = Result<T, String>;
 /// An estimator by its name, hemicubes with their resolution after a comma.
 pub fn form_factors(text: &str) -> Parsed<FormFactors> {
     if let Some(number) = text.strip_prefix("hemicube,") {
-        let resolution = number.parse().ok().filter(|n: &u32| n % 2 == 0 && (4..=512).contains(n));
+        let resolution = number.parse().ok().filter(|n: &u32| n.is_multiple_of(2) && (4..=512).contains(n));
         let resolution = resolution.ok_or("a hemicube has an even number of pixels along its edge, 4 to 512")?;
         return Ok(FormFactors::Hemicube { resolution });
     }
