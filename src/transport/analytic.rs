@@ -1,4 +1,4 @@
-//! Rows in closed form: the double integral between two polygons ([`factor`]), times the share of segments between them
+//! Rows in closed form: the double integral between two polygons (`contour`), times the share of segments between them
 //! that nothing hinders. The slow truth of small scenes: every pair of patches is looked at.
 //!
 //! Rays find what polygons do not tell: backs, what is enclosed, and how the sky and what is dark share what patches leave

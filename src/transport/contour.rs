@@ -1,4 +1,4 @@
-//! [`factor`]: how much two polygons exchange, unhindered, in closed form but for one integral.
+//! `factor`: how much two polygons exchange, unhindered, in closed form but for one integral.
 //!
 //! Stokes' theorem turns the double area integral of cos cos' / (pi r^2) into one over both outlines, of ln r / 2 pi
 //! (Moon, "The Scientific Basis of Illuminating Engineering", 1936). Of each pair of edges the inner integral is in closed

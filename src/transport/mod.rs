@@ -32,7 +32,7 @@ use std::{iter::Sum, ops::Mul};
 pub struct Transport {
     /// The patch of each receiver, ascending.
     pub receivers: Vec<u32>,
-    /// One row a receiver over `patches` patches and [`CELLS`] cells of the sky.
+    /// One row a receiver over `patches` patches and [`CELLS`](crate::math::CELLS) cells of the sky.
     pub rows: Rows,
     /// Number of patches: columns below it are patches, columns from it on are cells of the sky.
     pub patches: usize,

@@ -1,4 +1,4 @@
-//! [`Sight`]: what the rays of rows meet, as columns. Shared by all methods that shoot.
+//! `Sight`: what the rays of rows meet, as columns. Shared by all methods that shoot.
 
 use super::receiver::Receiver;
 use super::{
