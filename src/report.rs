@@ -26,6 +26,8 @@ pub struct Report {
     pub patches: usize,
     /// Patches at which a row is measured.
     pub receivers: usize,
+    /// How rows were measured.
+    pub form_factors: FormFactorReport,
     /// Rays that measured rows, and their share of trouble.
     pub rays: RayReport,
     /// Stored matrix entries.
@@ -159,6 +161,20 @@ pub struct PageReport {
     pub texels: usize,
     /// Covered share of the page.
     pub utilization: f64,
+}
+
+/// The estimator of rows.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct FormFactorReport {
+    /// Its name, with its parameters.
+    pub name: String,
+    /// Rows that summed to something else than they may, and were scaled.
+    pub rescaled: u64,
+    /// Furthest that such a sum was from 1.
+    pub excess: f64,
+    /// Root mean square of A_i F_ij - A_j F_ji over that of A_i F_ij; none for rays, of which noise alone sets it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reciprocity: Option<f64>,
 }
 
 /// Rays of the form-factor rows.

@@ -24,7 +24,7 @@ fn help_and_version_are_results() {
     }
     let help = folder.luxel("bake --help").out;
     for option in "--resolution --texels-per-meter --page-size --keep-uv --unwrap --exclude --rays --bounces --threads --sky --sun \
-                   --light-scale --max-reflectance --content --solver --preview --camera --flat --sidecar --strip-lights --float \
+                   --light-scale --max-reflectance --content --form-factors --solver --preview --camera --flat --sidecar --strip-lights --float \
                    --report --quiet --strict Example"
         .split_whitespace()
     {
@@ -48,6 +48,8 @@ fn wrong_usage_is_code_2() {
         "bake room.gltf --bounces some",
         "bake room.gltf --bounces 65537",
         "bake room.gltf --solver magic",
+        "bake room.gltf --form-factors magic",
+        "bake room.gltf --form-factors hemicube,3",
         "bake room.gltf other.gltf",
         "bake room.gltf -o room.obj",
         "bake room.gltf -o a.glb/",

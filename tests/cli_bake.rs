@@ -95,6 +95,60 @@ fn every_solver_works_with_every_effort() {
     }
 }
 
+/// The table of --form-factors in the README.
+#[test]
+fn every_estimator_works_or_says_why_not() {
+    let folder = Folder::new();
+    let efforts = [
+        "--solver anderson",
+        "--rays 16",
+        "--rays 16 --no-reuse",
+        "--receivers auto",
+        "--bounces 1",
+        "--audit",
+        "--quality preview",
+        "--error 50%",
+        "--time 1s",
+        "--solver conjugate-gradient",
+        "--solver direct",
+    ];
+    for estimator in luxel::transport::FormFactors::ALL {
+        let name = estimator.name();
+        for effort in efforts {
+            let option = effort.split(' ').next().unwrap();
+            let refused = match name {
+                "hemicube" => ["--quality", "--error", "--time", "--rays"].contains(&option),
+                "analytic" => ["--quality", "--error", "--time"].contains(&option),
+                _ => false,
+            };
+            let options = format!("--resolution 16 {effort} --form-factors {name} --report - --quiet");
+            let said = folder.luxel(&format!("bake room.gltf -o a.glb {options}"));
+            assert_eq!(said.code, if refused { 2 } else { 0 }, "{options}: {}", said.err);
+            if refused {
+                for part in [format!("{option}: "), format!("--form-factors {name}"), "use --form-factors rays".into()]
+                {
+                    assert!(said.err.contains(&part), "{options}: {}", said.err);
+                }
+            } else {
+                let report = serde_json::from_str::<Value>(&said.out).unwrap()["form_factors"].take();
+                assert_eq!(report["name"], estimator.to_string(), "{options}");
+                assert_eq!(report["reciprocity"].is_number(), name != "rays", "{options}: {report}");
+            }
+        }
+    }
+}
+
+#[test]
+fn too_many_texels_for_closed_forms_are_wrong_usage() {
+    let folder = Folder::new();
+    let said = folder.luxel("bake room.gltf --resolution 128 --form-factors analytic");
+    assert_eq!(said.code, 2, "{}", said.err);
+    for part in ["--form-factors analytic", "2048", "use --form-factors rays, or lower --resolution"] {
+        assert!(said.err.contains(part), "{part}: {}", said.err);
+    }
+    assert_eq!(folder.files(), ["room.gltf"]);
+}
+
 #[test]
 fn conjugate_gradients_with_adaptive_receivers_are_wrong_usage() {
     let folder = Folder::new();

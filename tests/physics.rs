@@ -62,7 +62,7 @@ fn no_bounce_is_direct_light_alone() {
         unit_room().all(&mut stage, white, 24);
         stage.light(lamp, vec3(0.5, 0.95, 0.5), Vec3::ZERO, 1.0);
         let radiosity = radiosity::Options { bounces: Some(0), ..Default::default() };
-        let transport = transport::Options { reuse, receivers, rays: 32 };
+        let transport = transport::Options { reuse, receivers, ..transport::Options::of(32) };
         shoot_with(stage, bake::Options { transport, radiosity, ..options(32) }).baked.irradiance
     };
     let [all, adaptive] = transport::Receivers::ALL;

@@ -38,7 +38,7 @@ impl Measured {
         let mut patches = Patches::new(&tracer.world, &coverage, 0.98);
         let options = adaptive(rays);
         let transport = Transport::measure(&tracer, &coverage, &mut patches, &options, &Silent).expect("rows");
-        transport.validate().expect("a sound transport");
+        transport.validate(&patches).expect("a sound transport");
         let holds = |chart: usize, at: UVec2| {
             at.cmpge(corners[chart]).all() && at.cmplt(corners[chart] + stage.sizes[chart]).all()
         };

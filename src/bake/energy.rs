@@ -15,10 +15,10 @@ pub(super) fn balance(
     let power = |v: Vec3, area: f32| f64::from(v.element_sum()) * f64::from(area);
     let mut at_receivers = vec![DVec4::ZERO; transport.receivers.len()];
     transport.rows.map_into(&mut at_receivers, |row| {
-        let (hits, cells) = row.columns.split_at(row.columns.partition_point(|&c| (c as usize) < transport.patches));
-        let from_sky: Vec3 = cells.iter().map(|&c| sky[c as usize - transport.patches]).sum::<Vec3>() * row.weight;
+        let [hits, cells] = row.split(transport.patches as u32);
+        let from_sky = cells.sum(|c| sky[c as usize - transport.patches].as_dvec3()).as_vec3();
         // What meets no patch is gone: to the sky, or onto a back that nothing leaves.
-        let gone = (1.0 - hits.len() as f32 * row.weight).max(0.0);
+        let gone = (1.0 - hits.sum(|_| 1.0) as f32).max(0.0);
         from_sky.extend(gone).as_dvec4()
     });
     let mut at_patches = vec![DVec4::ZERO; patches.len()];

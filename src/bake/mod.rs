@@ -141,7 +141,7 @@ impl<'s> Ground<'s> {
     fn baked(mut self, lit: Lit, options: &Options) -> Baked<'s> {
         let (warnings, seconds) = (std::mem::take(&mut self.warnings), std::mem::take(&mut self.clock.seconds));
         let mut report = Report { warnings, seconds, ..Report::default() };
-        plan::describe(&mut report, &self, &lit);
+        plan::describe(&mut report, &self, &lit, options);
         plan::warn(&mut report, options);
         let Ground { tracer, atlas, coverage, .. } = self;
         let Lit { patches, direct, radiosity, lightmaps, .. } = lit;

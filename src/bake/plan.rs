@@ -7,10 +7,10 @@ use crate::{
     lightmaps::jump_across_seams,
     memory,
     progress::Observer,
-    report::{NodeReport, PageReport, RayReport, ReflectanceReport, Report, SCHEMA, SceneCounts},
+    report::{FormFactorReport, NodeReport, PageReport, RayReport, ReflectanceReport, Report, SCHEMA, SceneCounts},
     scene::{Primitive, Scene, Texture},
     trace::{self, Tracer},
-    transport::Receivers,
+    transport::{FormFactors, Receivers},
 };
 use std::collections::HashSet;
 
@@ -20,8 +20,6 @@ const BYTES_A_TEXEL: u64 = 300;
 const BYTES_A_TRIANGLE: u64 = 50;
 const BYTES_A_STORED_TRIANGLE: u64 = 300;
 const BYTES_A_PIXEL: u64 = 40;
-/// For each ray of a back.
-const BYTES_A_BACK: u64 = 4;
 /// For a texel that reads receivers.
 const BYTES_OF_WEIGHTS: u64 = 40;
 
@@ -69,18 +67,20 @@ pub(super) fn announce(
     observer: &dyn Observer,
 ) -> Result<()> {
     let texels = coverage.texels.len() as u64;
-    let rays = texels * u64::from(options.transport.rays);
+    let rays = texels * options.transport.rays_of_row();
+    let entries = options.transport.bytes_of_entries(texels as usize, texels as usize);
     // Backs double the rows at worst.
     let sheets = scene.materials.iter().any(|m| m.double_sided);
     let all = options.transport.receivers == Receivers::All;
-    let backs = if sheets && all { rays * BYTES_A_BACK } else { 0 };
+    let backs = if sheets && all { entries } else { 0 };
     let rest = texels * bytes_a_texel(options, texels) + bytes_of_triangles(scene) + pixels(atlas) * BYTES_A_PIXEL;
-    let solving = if options.radiosity.bounces.is_some() { 0 } else { options.radiosity.solver.bytes(texels, rays) };
+    let solving = if options.radiosity.bounces.is_some() { 0 } else { options.radiosity.solver.bytes(texels, entries) };
     let need_mb = (backs + rest + solving) >> 20;
     let pages = atlas.pages.iter().filter(|p| !p.hidden).count();
     let free_mb = memory::free_mb();
     // Textures are there already: what is free is free beside them.
     let textures: u64 = scene.textures.iter().map(|t| Texture::bytes(t.picture().0)).sum();
+    options.transport.form_factors.check(texels as usize)?;
     // The solver runs when all rows are there.
     options.radiosity.check(if all { texels as usize } else { 0 }, all)?;
     let beside = if textures > 0 { format!(", beside {} MB of textures", textures >> 20) } else { String::new() };
@@ -94,7 +94,7 @@ pub(super) fn announce(
 }
 
 /// Fills the report from the rooms.
-pub(super) fn describe(r: &mut Report, ground: &Ground, lit: &Lit) {
+pub(super) fn describe(r: &mut Report, ground: &Ground, lit: &Lit, options: &Options) {
     let Ground { tracer, atlas, coverage, .. } = ground;
     let Lit { patches, transport, direct, radiosity, lightmaps, .. } = lit;
     let scene = tracer.world.scene;
@@ -112,6 +112,13 @@ pub(super) fn describe(r: &mut Report, ground: &Ground, lit: &Lit) {
         blocked: transport.stats.dark,
         lost: transport.stats.lost,
         shadow: direct.shadow_rays,
+    };
+    let form_factors = options.transport.form_factors;
+    r.form_factors = FormFactorReport {
+        name: form_factors.to_string(),
+        rescaled: transport.stats.rescaled,
+        excess: transport.stats.excess,
+        reciprocity: (form_factors != FormFactors::Rays).then(|| transport.reciprocity(patches)),
     };
     r.matrix_entries = transport.rows.entries();
     r.matrix_bytes = transport.rows.bytes();
@@ -181,6 +188,15 @@ pub(super) fn warn(r: &mut Report, options: &Options) {
     }
     if r.rays.lost as f64 > 1e-5 * r.rays.traced as f64 {
         r.warnings.push(format!("{} of {} rays met no texel: light is lost", r.rays.lost, r.rays.traced));
+    }
+    if r.form_factors.rescaled > 0 {
+        let (rows, percent) = (r.form_factors.rescaled, 100.0 * r.form_factors.excess);
+        let name = &r.form_factors.name;
+        r.warnings.push(format!(
+            "{rows} of {} rows of form factors ({name}) were scaled, as they summed to up to {percent:.1} % more or less than \
+             they may",
+            r.receivers
+        ));
     }
     if let Some(other) = r.solver.fallback {
         let name = r.solver.name;

@@ -13,7 +13,7 @@ use crate::{
     progress::Observer,
     report::{LookReport, TargetReport},
     scene::Scene,
-    transport,
+    transport::{self, FormFactors},
 };
 use glam::Vec3;
 use std::time::{Duration, Instant};
@@ -101,6 +101,12 @@ const LOOK: u64 = 2;
 /// [`Report::target`]: crate::report::Report::target
 pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observer: &dyn Observer) -> Result<Baked<'s>> {
     let start = Instant::now();
+    if options.transport.form_factors != FormFactors::Rays {
+        let name = options.transport.form_factors.name();
+        return Err(Error::Usage(format!(
+            "form factors by {name} have no effort that could grow to a target\n  use rays"
+        )));
+    }
     let first = if target.error.is_some_and(|e| e >= SEEN) { ROUGH } else { FINE };
     let mut effort = with_rays(options, first);
     let mut ground = Ground::new(scene, &effort, observer)?;

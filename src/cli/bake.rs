@@ -17,7 +17,7 @@ use luxel::{
     gltf, memory, preview, progress, radiosity,
     report::{LightReport, Report, TargetReport},
     scene::{Camera, Scene},
-    transport,
+    transport::{self, FormFactors},
 };
 use serde::Serialize;
 use std::process::ExitCode;
@@ -25,6 +25,7 @@ use std::process::ExitCode;
 /// Bakes as the options say.
 pub fn run(args: &args::Bake) -> Result<ExitCode> {
     signals::listen();
+    check_effort(args)?;
     let options = options(args)?;
     start_threads(args.threads)?;
     let outputs = outputs::resolve(args)?;
@@ -74,9 +75,33 @@ const TARGET_MISSED: u8 = 4;
 /// What is to be reached; `None` where the effort is fixed.
 fn target(args: &args::Bake) -> Option<Target> {
     let error = args.error.or(args.quality.map(Quality::error));
-    let fixed = args.rays.is_some() || args.bounces.is_some();
+    let fixed = args.rays.is_some() || args.bounces.is_some() || args.form_factors != FormFactors::Rays;
     let typed = error.is_some() || args.time.is_some();
     (!fixed).then_some(if typed { Target::typed(error, args.time) } else { Target::default() })
+}
+
+/// Refuses efforts that an estimator does not have.
+fn check_effort(args: &args::Bake) -> Result<()> {
+    let typed = |given: bool, name: &'static str| given.then_some(name);
+    let [error, time, quality] = [
+        typed(args.error.is_some(), "--error"),
+        typed(args.time.is_some(), "--time"),
+        typed(args.quality.is_some(), "--quality"),
+    ];
+    let rays = typed(args.rays.is_some(), "--rays");
+    let name = args.form_factors.name();
+    let (option, problem) = match args.form_factors {
+        FormFactors::Rays => return Ok(()),
+        FormFactors::Hemicube { .. } => (
+            error.or(time).or(quality).or(rays),
+            format!("the effort of --form-factors {name} is its resolution, --form-factors {name},N"),
+        ),
+        FormFactors::Analytic => {
+            (error.or(time).or(quality), format!("--form-factors {name} has no effort that could grow to a target"))
+        }
+    };
+    let Some(option) = option else { return Ok(()) };
+    Err(Error::Usage(format!("{option}: {problem}\n  leave {option} out, or use --form-factors rays")))
 }
 
 /// The warning that the error was not reached.
@@ -138,8 +163,8 @@ fn options(args: &args::Bake) -> Result<Options> {
     let atlas = atlas::Options { unwrap, density, page_size };
     atlas.check()?;
     let radiosity = radiosity::Options { solver: args.solver, bounces: args.bounces };
-    let rays = args.rays.unwrap_or(transport::Options::default().rays);
-    let transport = transport::Options { rays, reuse: !args.no_reuse, receivers: args.receivers };
+    let (form_factors, rays) = (args.form_factors, args.rays.unwrap_or(transport::Options::default().rays));
+    let transport = transport::Options { form_factors, rays, reuse: !args.no_reuse, receivers: args.receivers };
     let (max_reflectance, content) = (args.max_reflectance, args.content);
     Ok(Options { atlas, transport, max_reflectance, radiosity, content, ..Options::default() })
 }

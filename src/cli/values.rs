@@ -1,7 +1,7 @@
 //! Option values: text to numbers and wishes, with messages that say what is expected.
 
 use glam::{DVec3, UVec2, Vec3};
-use luxel::files::has_extension;
+use luxel::{files::has_extension, transport::FormFactors};
 use std::{
     fmt,
     path::{Path, PathBuf},
@@ -55,6 +55,18 @@ pub enum CameraWish {
 }
 
 type Parsed<T> = Result<T, String>;
+
+/// An estimator by its name, hemicubes with their resolution after a comma.
+pub fn form_factors(text: &str) -> Parsed<FormFactors> {
+    if let Some(number) = text.strip_prefix("hemicube,") {
+        let resolution = number.parse().ok().filter(|n: &u32| n.is_multiple_of(2) && (4..=512).contains(n));
+        let resolution = resolution.ok_or("a hemicube has an even number of pixels along its edge, 4 to 512")?;
+        return Ok(FormFactors::Hemicube { resolution });
+    }
+    let names = FormFactors::ALL.map(FormFactors::name).join(", ");
+    let named = FormFactors::ALL.into_iter().find(|f| f.name() == text);
+    named.ok_or_else(|| format!("not one of {names}; hemicube may have its pixels along an edge after a comma"))
+}
 
 /// Texels per metre.
 pub fn density(text: &str) -> Parsed<f64> {

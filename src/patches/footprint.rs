@@ -133,12 +133,32 @@ impl<'w> Footprint<'w> {
     /// Its pieces, wound as the front is.
     pub fn triangles(&self) -> impl Iterator<Item = [Vec3; 3]> {
         self.cells.iter().flat_map(|c| {
-            let [o, x, y] = c.origin;
-            // Clipping keeps the order of uv, which a mirrored chart turns around.
-            let [x, y] = if x.cross(y).dot(self.faces[c.face as usize].normal) < 0.0 { [y, x] } else { [x, y] };
+            let [o, x, y] = self.wound(c);
             let other = c.square.then_some([o + x, o + x + y, o + y]);
             std::iter::once([o, o + x, o + y]).chain(other)
         })
+    }
+
+    /// The same as convex polygons, one a face, without the diagonals that part them.
+    pub fn polygons(&self) -> impl Iterator<Item = Vec<Vec3>> {
+        self.cells.chunk_by(|a, b| a.face == b.face).map(|cells| {
+            let [o, x, y] = cells[0].origin;
+            let mut corners = vec![o, o + x];
+            corners.extend(cells[0].square.then_some(o + x + y));
+            // Cells of a face are a fan about its first corner.
+            corners.extend(cells.iter().map(|c| c.origin[0] + c.origin[2]));
+            if self.wound(&cells[0]) != [o, x, y] {
+                corners.reverse();
+            }
+            corners
+        })
+    }
+
+    /// Corner and edges of a cell, so that they turn as the front does.
+    fn wound(&self, c: &Cell) -> [Vec3; 3] {
+        let [o, x, y] = c.origin;
+        // Clipping keeps the order of uv, which a mirrored chart turns around.
+        if x.cross(y).dot(self.faces[c.face as usize].normal) < 0.0 { [o, y, x] } else { [o, x, y] }
     }
 
     /// Unit face normal of every piece of a triangle in it.

@@ -1,5 +1,5 @@
 //! [`Columns`] and [`Readers`]: rows and interpolation by column, for solvers that follow light from where it leaves.
-//! Four bytes more for every entry of the rows.
+//! As many bytes more for every entry of the rows as the rows have.
 
 use super::System;
 use crate::transport::{Interpolation, Rows};
@@ -7,28 +7,33 @@ use crate::transport::{Interpolation, Rows};
 /// Who meets each patch.
 pub(super) struct Columns {
     rows: Lists<u32>,
+    /// Of each row.
     weights: Vec<f64>,
+    /// Of each entry, where they differ.
+    shares: Option<Lists<f32>>,
 }
 
 impl Columns {
     /// Transposes, at the cost of touching every entry twice; cells of the sky are left out, since nothing leads there.
     pub fn new(rows: &Rows, patches: usize) -> Self {
-        let pairs = |give: &mut dyn FnMut(usize, u32)| {
-            for i in 0..rows.len() {
-                rows.row(i)
-                    .columns
-                    .iter()
-                    .filter(|c| (**c as usize) < patches)
-                    .for_each(|c| give(*c as usize, i as u32));
-            }
+        let sent = move |i: usize| rows.row(i).split(patches as u32)[0];
+        let who = |give: &mut dyn FnMut(usize, u32)| {
+            (0..rows.len()).for_each(|i| sent(i).columns.iter().for_each(|c| give(*c as usize, i as u32)));
+        };
+        let how_much = |give: &mut dyn FnMut(usize, f32)| {
+            let entries = (0..rows.len()).map(sent).flat_map(|row| row.columns.iter().zip(row.shares));
+            entries.for_each(|(c, share)| give(*c as usize, *share));
         };
         let weights = (0..rows.len()).map(|i| f64::from(rows.row(i).weight)).collect();
-        Columns { rows: Lists::new(patches, pairs), weights }
+        let shares = rows.weighted().then(|| Lists::new(patches, how_much));
+        Columns { rows: Lists::new(patches, who), weights, shares }
     }
 
     /// The receiver and the weight of every entry of column `c`.
     pub fn column(&self, c: usize) -> impl ExactSizeIterator<Item = (usize, f64)> {
-        self.rows.of(c).iter().map(|i| (*i as usize, self.weights[*i as usize]))
+        let shares = self.shares.as_ref().map_or(&[][..], |shares| shares.of(c));
+        let share = |k: usize| shares.get(k).map_or(1.0, |&s| f64::from(s));
+        self.rows.of(c).iter().enumerate().map(move |(k, i)| (*i as usize, self.weights[*i as usize] * share(k)))
     }
 }
 

@@ -50,9 +50,8 @@ fn matrix(system: &System, readers: &Readers, channel: usize) -> DMatrix<f64> {
     }
     let mut matrix = DMatrix::identity(n, n);
     for i in 0..n {
-        let row = system.transport.rows.row(i);
-        for sent in row.columns.iter().filter_map(|c| sent.get(*c as usize)) {
-            sent.iter().for_each(|(j, share)| matrix[(i, *j)] -= f64::from(row.weight) * share);
+        for (c, weight) in system.transport.rows.row(i).split(sent.len() as u32)[0].entries() {
+            sent[c as usize].iter().for_each(|(j, share)| matrix[(i, *j)] -= weight * share);
         }
     }
     matrix

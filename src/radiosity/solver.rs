@@ -74,10 +74,10 @@ impl Solver {
         Err(Error::Usage(format!("--solver {name}: {problem}\n  use --solver {}", Solver::default().name())))
     }
 
-    /// Bytes held at once beside the rows, of so many unknowns and entries.
+    /// Bytes held at once beside the rows, of so many unknowns, where the rows' entries take `entries` bytes.
     pub fn bytes(self, unknowns: u64, entries: u64) -> u64 {
         match self {
-            Solver::Shooting | Solver::ConjugateGradient => 4 * entries,
+            Solver::Shooting | Solver::ConjugateGradient => entries,
             Solver::Direct => 8 * unknowns.min(dense::MOST as u64).pow(2),
             Solver::Anderson => anderson::BYTES * unknowns,
             Solver::Chebyshev | Solver::Jacobi | Solver::GaussSeidel => 0,

@@ -1,20 +1,29 @@
 //! [`Transport`]: form factors from receivers to everything they see. Geometry and alpha only: no light, no reflectance.
 //!
-//! A row is measured with rays: the share of a receiver's cosine-distributed rays that meet patch j is F_ij. Rows are
-//! non-negative and sum to at most 1 whatever the noise. The sky is seen as cells of equal solid angle, columns behind
+//! A row is measured with rays, unless another of [`FormFactors`] is asked for: the share of a receiver's cosine-distributed
+//! rays that meet patch j is F_ij. Rows are non-negative and sum to at most 1 whatever the noise. The sky is seen as cells of equal solid angle, columns behind
 //! the patches, so that rows relight under any sky. Receivers may be fewer than patches; [`Interpolation`] spreads what
 //! they receive with convex weights.
 
 mod adaptive;
+mod analytic;
+mod check;
+mod contour;
 mod draft;
+mod form_factors;
+mod hemicube;
 mod rays;
 mod receiver;
 mod rows;
+mod sight;
+mod waves;
 
+pub use check::Checked;
+pub use form_factors::FormFactors;
 pub use rays::rays_of_rows;
 pub use rows::{DARK, Ends, Row, Rows};
 
-use crate::{atlas::Coverage, error::Result, math::CELLS, memory, patches::Patches, progress::Observer, trace::Tracer};
+use crate::{atlas::Coverage, error::Result, memory, patches::Patches, progress::Observer, trace::Tracer};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::{iter::Sum, ops::Mul};
@@ -23,7 +32,7 @@ use std::{iter::Sum, ops::Mul};
 pub struct Transport {
     /// The patch of each receiver, ascending.
     pub receivers: Vec<u32>,
-    /// One row a receiver over `patches` patches and [`CELLS`] cells of the sky.
+    /// One row a receiver over `patches` patches and [`CELLS`](crate::math::CELLS) cells of the sky.
     pub rows: Rows,
     /// Number of patches: columns below it are patches, columns from it on are cells of the sky.
     pub patches: usize,
@@ -40,10 +49,12 @@ pub struct Transport {
 /// How rows are measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Options {
-    /// Rays a row, 1..=65536. Default: 64.
+    /// The estimator. Default: rays.
+    pub form_factors: FormFactors,
+    /// Rays a row, 1..=65536, but for hemicubes, which have as many as pixels. Default: 64.
     pub rays: u32,
-    /// Whether neighbours use each other's rays in the last gather, if rows have at most 64 rays or all together at most
-    /// 2^26. Default: true.
+    /// Whether neighbours use each other's rays in the last gather, if rows are of rays and have at most 64 or all together
+    /// at most 2^26. Default: true.
     pub reuse: bool,
     /// Which texels have rows of their own. Default: all.
     pub receivers: Receivers,
@@ -74,7 +85,7 @@ impl Receivers {
 
 impl Default for Options {
     fn default() -> Self {
-        Options { rays: 64, reuse: true, receivers: Receivers::default() }
+        Options { form_factors: FormFactors::default(), rays: 64, reuse: true, receivers: Receivers::default() }
     }
 }
 
@@ -86,12 +97,29 @@ impl Options {
 
     /// True if neighbours use each other's rays, each of which takes 16 bytes then: with many rays it would be too many.
     pub fn shares(&self, receivers: usize) -> bool {
-        self.reuse && (self.rays <= SHARED || receivers as u64 * u64::from(self.rays) <= SHARED_IN_ALL)
+        let few = self.rays <= SHARED || receivers as u64 * u64::from(self.rays) <= SHARED_IN_ALL;
+        self.reuse && self.form_factors == FormFactors::Rays && few
     }
 
-    /// Bytes that are kept of the rays of so many receivers.
+    /// Rays of a row.
+    pub fn rays_of_row(&self) -> u64 {
+        self.form_factors.rays(self.rays)
+    }
+
+    /// Bytes that are kept of the rows of so many receivers.
     pub fn bytes_of_rows(&self, receivers: usize) -> u64 {
-        receivers as u64 * u64::from(self.rays) * if self.shares(receivers) { 16 } else { 4 }
+        let places = if self.shares(receivers) { 12 * receivers as u64 * u64::from(self.rays) } else { 0 };
+        self.bytes_of_entries(receivers, receivers) + places
+    }
+
+    /// Bytes of the entries of so many rows over so many patches.
+    pub fn bytes_of_entries(&self, rows: usize, patches: usize) -> u64 {
+        rows as u64 * self.form_factors.entries(self.rays, patches as u64) * self.bytes_of_entry()
+    }
+
+    /// A column; its weight, too, where entries differ in it.
+    fn bytes_of_entry(&self) -> u64 {
+        if self.form_factors == FormFactors::Rays { 4 } else { 8 }
     }
 }
 
@@ -146,6 +174,21 @@ pub struct Stats {
     pub dark: u64,
     /// Rays that hit a surface that no texel covers.
     pub lost: u64,
+    /// Rows whose form factors summed to something else than they may, and were scaled.
+    pub rescaled: u64,
+    /// Furthest that such a sum was from 1.
+    pub excess: f64,
+}
+
+impl Stats {
+    /// Notes that a row of this sum is scaled, unless it is off by no more than `slack`.
+    fn rescale(&mut self, sum: f64, slack: f64) {
+        let off = (sum - 1.0).abs();
+        if off > slack {
+            self.rescaled += 1;
+            self.excess = self.excess.max(off);
+        }
+    }
 }
 
 impl std::ops::AddAssign for Stats {
@@ -154,6 +197,8 @@ impl std::ops::AddAssign for Stats {
         self.escaped += o.escaped;
         self.dark += o.dark;
         self.lost += o.lost;
+        self.rescaled += o.rescaled;
+        self.excess = self.excess.max(o.excess);
     }
 }
 
@@ -176,7 +221,7 @@ impl Transport {
                 (chosen.texels, chosen.strides, chosen.interpolation)
             }
         };
-        let measured = rays::measure(tracer, coverage, patches, &receivers, options, observer)?;
+        let measured = options.form_factors.measure(tracer, coverage, patches, &receivers, options, observer)?;
         for back in fronts..patches.len() as u32 {
             interpolation.add_own(receivers.len() as u32);
             receivers.push(back);
@@ -190,7 +235,7 @@ impl Transport {
             strides,
             stats: measured.stats,
         };
-        debug_assert!(transport.validate().is_ok(), "{:?}", transport.validate());
+        debug_assert!(transport.validate(patches).is_ok(), "{:?}", transport.validate(patches));
         Ok(transport)
     }
 
@@ -236,34 +281,5 @@ impl Transport {
                 });
             }
         }
-    }
-
-    /// Checks shapes, ranges and sums.
-    pub fn validate(&self) -> std::result::Result<(), String> {
-        let n = self.receivers.len();
-        if self.rows.len() != n {
-            return Err(format!("{n} receivers, {} rows", self.rows.len()));
-        }
-        let columns = self.patches as u32 + CELLS;
-        for i in 0..n {
-            let row = self.rows.row(i);
-            if row.columns.iter().any(|&c| c >= columns) {
-                return Err(format!("row {i} names a column beyond {columns}"));
-            }
-            let sum = row.columns.len() as f32 * row.weight;
-            if !(0.0..=1.0 + 1e-5).contains(&sum) {
-                return Err(format!("row {i} sums to {sum}"));
-            }
-        }
-        if let Interpolation::Convex { starts, entries } = &self.interpolation {
-            for (i, w) in starts.windows(2).enumerate() {
-                let row = &entries[w[0] as usize..w[1] as usize];
-                let sum: f32 = row.iter().map(|e| e.1).sum();
-                if row.iter().any(|e| e.1 < 0.0 || e.0 as usize >= n) || (sum - 1.0).abs() > 1e-4 {
-                    return Err(format!("patch {i} is no convex combination: sum {sum}"));
-                }
-            }
-        }
-        Ok(())
     }
 }

@@ -1,5 +1,6 @@
-//! [`Rows`]: a sparse matrix of ray counts. Each entry is a column that one ray met; its weight, one over the row's
-//! rays, is implicit: four bytes a ray. Where rays are used again, the place at which each ended is kept: sixteen.
+//! [`Rows`]: a sparse matrix. Of ray counts each entry is a column that one ray met; its weight, one over the row's rays,
+//! is implicit: four bytes a ray. Where rays are used again, the place at which each ended is kept: sixteen. Entries that
+//! differ in weight keep theirs: eight.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -25,6 +26,8 @@ pub struct Block {
     /// Where its rays end that met nothing that shines; the next row begins there.
     dark_ends: Vec<u32>,
     weights: Vec<f32>,
+    /// Weight of each entry over that of its row, in step with `columns`; empty if all are 1.
+    shares: Vec<f32>,
     /// Where each ray ended, in step with `columns`; empty if that was not kept.
     spots: Vec<Vec3>,
 }
@@ -41,20 +44,41 @@ pub struct Ends<'a> {
 /// In place of the column of a ray that met nothing that shines.
 pub const DARK: u32 = u32::MAX;
 
-/// One row: every entry weighs the same.
+/// One row.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<'a> {
     /// Column of each entry, patches before cells of the sky; a column may repeat.
     pub columns: &'a [u32],
-    /// Weight of each entry.
+    /// Weight of each entry, where all weigh the same; a factor on all, where they do not.
     pub weight: f32,
+    /// The other factor of each entry, in step with `columns`; empty if all weigh the same.
+    pub shares: &'a [f32],
 }
 
-impl Row<'_> {
+impl<'a> Row<'a> {
     /// Weighted sum of `value` over the entries.
     #[inline]
     pub fn sum<T: Sum + Mul<f64, Output = T>>(&self, value: impl Fn(u32) -> T) -> T {
-        self.columns.iter().map(|&c| value(c)).sum::<T>() * f64::from(self.weight)
+        let sum = if self.shares.is_empty() {
+            self.columns.iter().map(|&c| value(c)).sum::<T>()
+        } else {
+            self.columns.iter().zip(self.shares).map(|(&c, &share)| value(c) * f64::from(share)).sum()
+        };
+        sum * f64::from(self.weight)
+    }
+
+    /// Column and weight of each entry.
+    pub fn entries(self) -> impl Iterator<Item = (u32, f64)> + 'a {
+        let share = move |k: usize| self.shares.get(k).map_or(1.0, |&s| f64::from(s));
+        self.columns.iter().enumerate().map(move |(k, &c)| (c, share(k) * f64::from(self.weight)))
+    }
+
+    /// Its entries before and from column `first` on, where that is one between patches and sky.
+    pub fn split(self, first: u32) -> [Row<'a>; 2] {
+        let at = self.columns.partition_point(|&c| c < first);
+        let shares = self.shares.split_at_checked(at).unwrap_or_default();
+        let (low, high) = self.columns.split_at(at);
+        [Row { columns: low, shares: shares.0, ..self }, Row { columns: high, shares: shares.1, ..self }]
     }
 }
 
@@ -77,6 +101,18 @@ impl Block {
         self.spots.extend_from_slice(spots);
     }
 
+    /// Appends a row of entries that each weigh something else, patches before cells of the sky. A block holds rows of one
+    /// kind only.
+    pub fn push_weighted(&mut self, entries: impl IntoIterator<Item = (u32, f32)>) {
+        entries.into_iter().for_each(|(column, weight)| {
+            self.columns.push(column);
+            self.shares.push(weight);
+        });
+        self.ends.push(self.columns.len() as u32);
+        self.dark_ends.push(self.columns.len() as u32);
+        self.weights.push(1.0);
+    }
+
     /// All columns that shine, for renumbering.
     pub fn columns_mut(&mut self) -> impl Iterator<Item = &mut u32> {
         self.columns.iter_mut().filter(|c| **c != DARK)
@@ -85,6 +121,7 @@ impl Block {
     /// Gives back what was reserved too much.
     pub fn shrink(&mut self) {
         self.columns.shrink_to_fit();
+        self.shares.shrink_to_fit();
         self.spots.shrink_to_fit();
     }
 
@@ -94,7 +131,9 @@ impl Block {
     }
 
     fn row(&self, k: usize) -> Row<'_> {
-        Row { columns: &self.columns[self.begin(k)..self.ends[k] as usize], weight: self.weights[k] }
+        let range = self.begin(k)..self.ends[k] as usize;
+        let shares = self.shares.get(range.clone()).unwrap_or_default();
+        Row { columns: &self.columns[range], weight: self.weights[k], shares }
     }
 
     fn rays(&self, k: usize) -> Ends<'_> {
@@ -137,6 +176,11 @@ impl Rows {
         self.len() == 0
     }
 
+    /// True if entries keep weights of their own.
+    pub fn weighted(&self) -> bool {
+        self.blocks.iter().any(|b| !b.shares.is_empty())
+    }
+
     /// Row `i`.
     pub fn row(&self, i: usize) -> Row<'_> {
         let (block, k) = self.locate(i);
@@ -174,7 +218,8 @@ impl Rows {
 
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
-        let words = |b: &Block| b.columns.capacity() + 2 * b.ends.capacity() + b.weights.capacity();
+        let entries = |b: &Block| b.columns.capacity() + b.shares.capacity();
+        let words = |b: &Block| entries(b) + 2 * b.ends.capacity() + b.weights.capacity();
         let block = |b: &Block| words(b) * 4 + b.spots.capacity() * size_of::<Vec3>();
         self.blocks.iter().map(|b| block(b) as u64).sum()
     }

@@ -5,6 +5,7 @@ use glam::{DVec2, DVec3, UVec2, Vec2, Vec3};
 use luxel::{
     atlas::{self, Atlas, Coverage, Density, NO_TEXEL, Unwrap},
     bake::{Baked, Options, bake},
+    error::Result,
     lightmaps::Lightmaps,
     patches::Patches,
     progress::Silent,
@@ -33,9 +34,13 @@ pub struct Parts {
 
 /// Bakes a scene.
 pub fn parts(scene: &Scene, options: &Options) -> Parts {
-    let baked = bake(scene, options, &Silent).expect("the scene bakes");
-    let Baked { atlas, coverage, patches, irradiance, lightmaps, report, .. } = baked;
-    Parts { atlas, coverage, patches, irradiance, lightmaps, report }
+    try_parts(scene, options).expect("the scene bakes")
+}
+
+/// The same, or why it is refused.
+pub fn try_parts(scene: &Scene, options: &Options) -> Result<Parts> {
+    let Baked { atlas, coverage, patches, irradiance, lightmaps, report, .. } = bake(scene, options, &Silent)?;
+    Ok(Parts { atlas, coverage, patches, irradiance, lightmaps, report })
 }
 
 /// Options for tests, every texel by its own rays: what neighbours share is correlated, and how texels differ would not
@@ -55,14 +60,19 @@ pub fn shoot(stage: Stage, rays: u32) -> Shot {
 }
 
 /// The same with other options; layout and resolution are the stage's.
-pub fn shoot_with(mut stage: Stage, mut options: Options) -> Shot {
+pub fn shoot_with(stage: Stage, options: Options) -> Shot {
+    try_shoot(stage, options).expect("the stage bakes")
+}
+
+/// The same, or why it is refused.
+pub fn try_shoot(mut stage: Stage, mut options: Options) -> Result<Shot> {
     let (edge, corners) = stage.lay_out();
     options.atlas = atlas::Options { unwrap: Unwrap::Keep, density: Density::Resolution(edge), page_size: 8192 };
     let Stage { scene, sizes, .. } = stage;
-    let baked = parts(&scene, &options);
+    let baked = try_parts(&scene, &options)?;
     assert_eq!(baked.lightmaps.pages.len(), 1, "disjoint charts are one page's layout");
     assert_eq!(baked.atlas.pages[0].size, UVec2::splat(edge), "the page is exactly the resolution");
-    Shot { baked, scene, corners, sizes }
+    Ok(Shot { baked, scene, corners, sizes })
 }
 
 /// Bakes a scene with the default unwrapper on one page of `edge` texels.
@@ -208,7 +218,7 @@ pub fn worst(values: impl IntoIterator<Item = f64>, expected: f64) -> f64 {
 }
 
 /// Root of the mean square, and largest, of relative errors in units of their sigma: within 3 and 6.
-pub fn within_sigma(errors: &[f64]) -> Result<(f64, f64), String> {
+pub fn within_sigma(errors: &[f64]) -> std::result::Result<(f64, f64), String> {
     let rms = libm::sqrt(errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64);
     let largest = errors.iter().fold(0.0, |a: f64, e| a.max(e.abs()));
     if rms <= 3.0 && largest <= 6.0 {

@@ -6,3 +6,4 @@ pub mod exact;
 pub mod gltf;
 pub mod scenes;
 pub mod stage;
+pub mod ways;

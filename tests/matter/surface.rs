@@ -3,7 +3,7 @@
 use crate::{
     PI, black, close,
     common::{
-        bakes::{Shot, grey, options, parts, shoot, spread, unwrapped, within_sigma, worst},
+        bakes::{Shot, grey, options, parts, shoot, spread, unwrapped, worst},
         exact,
         scenes::{Cuboid, FACES, Face, rectangle, unit_room},
         stage::{Chart, Stage, Surface},

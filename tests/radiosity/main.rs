@@ -58,7 +58,7 @@ impl Parts {
     }
 
     fn system(&self) -> System<'_> {
-        self.transport.validate().expect("a sound transport");
+        self.transport.validate(&self.patches).expect("a sound transport");
         System::new(&self.transport, &self.patches, &self.direct, &self.sky, true)
     }
 

@@ -1,7 +1,7 @@
 //! Bowls and wedges under the sky or the sun: the scattered light is the same everywhere.
 
 use crate::common::{
-    bakes::{grey, options, shoot, shoot_with, spread},
+    bakes::{grey, options, spread},
     scenes::{Ball, rectangle},
     stage::{Chart, Stage},
 };
@@ -26,7 +26,7 @@ pub fn sphere_cavity_sky(case: &Case) -> Outcome {
     let material = stage.material(rho as f32, 0.0);
     let chart = bowl.build(&mut stage, material);
     let own = 1.0 - bowl.opening() / stage.area(chart);
-    let shot = shoot(stage, rays);
+    let shot = case.shoot(stage, rays)?;
     let h: Vec<f64> = shot.values(chart).iter().map(|e| grey(*e / PI)).collect();
     let (area_mean, _) = (shot.mean(&[chart]).1.x / f64::from(PI), 0);
     let law = |f: f64| (1.0 - f) / (1.0 - rho * f);
@@ -59,7 +59,7 @@ pub fn crater_sun(case: &Case) -> Outcome {
     stage.light(LightKind::Directional { angle: 0.0 }, Vec3::ZERO, sun, strength);
     let chart = bowl.build(&mut stage, material);
     let own = 1.0 - bowl.opening() / stage.area(chart);
-    let shot = shoot_with(stage, luxel::bake::Options { content: Content::Indirect, ..options(1024) });
+    let shot = case.shoot_with(stage, luxel::bake::Options { content: Content::Indirect, ..options(1024) })?;
     let h: Vec<f64> = shot.mapped(chart).iter().map(|e| grey(*e)).collect();
     let areas: Vec<f64> = shot.texels(chart).iter().map(|i| f64::from(shot.baked.patches.area[*i])).collect();
     let mean = h.iter().zip(&areas).map(|(h, a)| h * a).sum::<f64>() / areas.iter().sum::<f64>();
@@ -108,7 +108,7 @@ pub fn infinite_wedge_sky(case: &Case) -> Outcome {
             }
         }
     }
-    let shot = shoot(stage, 2048);
+    let shot = case.shoot(stage, 2048)?;
     let texels: Vec<f64> = read.iter().flat_map(|c| shot.values(*c)).map(|e| grey(e / PI)).collect();
     let expected = case.expects("H_over_piL")?;
     let f = (1.0 + libm::cos(angle)) / 2.0;

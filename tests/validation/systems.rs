@@ -30,7 +30,7 @@ fn solve_lumped(f: &[Vec<f64>], rho: &[f64], exitance: &[f64]) -> Vec<f64> {
     let direct =
         Direct { lights: none(), hidden_lights: none(), emitters: none(), sky_peaks: none(), ..Direct::default() };
     let transport = Transport::from_rows(n, f.iter().map(|row| counted(row)));
-    transport.validate().expect("rows of form factors");
+    transport.validate(&patches).expect("rows of form factors");
     let sky = vec![Vec3::ZERO; luxel::math::CELLS as usize];
     let system = System::new(&transport, &patches, &direct, &sky, true);
     let solved = Solver::ALL.map(|s| system.solve(s, 1e-7, &Silent).expect("nobody interrupts").indirect);
@@ -78,13 +78,17 @@ pub fn prism(case: &Case) -> Outcome {
         let shape = precision(b[i]);
         Ok(crate::Check { what: format!("B{i}"), got: b[i], expected: expected[i], tolerance, sigma: 0.0, shape })
     };
-    (0..b.len()).map(check).collect()
+    Ok((0..b.len()).map(check).collect::<Result<_, String>>()?)
 }
 
 pub fn infinite_plates(case: &Case) -> Outcome {
     let f = [vec![0.0, 1.0], vec![1.0, 0.0]];
     let (_, b) = radiosities(&f, &[case.input("rho1")?, case.input("rho2")?], &[case.input("E1")?, 0.0]);
-    ["B1", "B2"].iter().zip(b).map(|(key, b)| case.check(key, b, 0.0, precision(b))).collect()
+    Ok(["B1", "B2"]
+        .iter()
+        .zip(b)
+        .map(|(key, b)| case.check(key, b, 0.0, precision(b)))
+        .collect::<Result<_, String>>()?)
 }
 
 pub fn concentric_spheres(case: &Case) -> Outcome {
@@ -93,7 +97,7 @@ pub fn concentric_spheres(case: &Case) -> Outcome {
     let rho = [case.input("rho_in")?, case.input("rho_out")?];
     let (h, b) = radiosities(&f, &rho, &[case.input("E_in")?, case.input("E_out")?]);
     let got = [("H_in", h[0]), ("H_out", h[1]), ("B_in", b[0]), ("B_out", b[1])];
-    got.iter().map(|(key, v)| case.check(key, *v, 0.0, precision(*v))).collect()
+    Ok(got.iter().map(|(key, v)| case.check(key, *v, 0.0, precision(*v))).collect::<Result<_, String>>()?)
 }
 
 pub fn cube_one_emitter(case: &Case) -> Outcome {
@@ -113,5 +117,5 @@ pub fn cube_one_emitter(case: &Case) -> Outcome {
     reflectance[0] = rho_top;
     let (h, _) = radiosities(&f, &reflectance, &[case.input("E_top")?, 0.0, 0.0, 0.0, 0.0, 0.0]);
     let got = [("H_top", h[0]), ("H_bottom", h[1]), ("H_side", h[2])];
-    got.iter().map(|(key, v)| case.check(key, *v, 0.0, precision(*v))).collect()
+    Ok(got.iter().map(|(key, v)| case.check(key, *v, 0.0, precision(*v))).collect::<Result<_, String>>()?)
 }

@@ -10,7 +10,7 @@ use luxel::{
     bake::Quality,
     lightmaps::Content,
     radiosity::Solver,
-    transport::Receivers,
+    transport::{FormFactors, Receivers},
 };
 use std::{path::PathBuf, time::Duration};
 
@@ -127,6 +127,13 @@ pub struct Bake {
           value_parser = named(Content::ALL, Content::name))]
     pub content: Content,
 
+    /// Who measures how much texels see of each other: rays; hemicube, with N pixels along its edge, even, 4 to 512, one ray
+    /// each (64 if N is left out); analytic, closed forms between at most 2048 flat patches, with the backs that rays meet.
+    /// The last two are what rays are held against: they refuse --error, --time and --quality, hemicube --rays, too
+    #[arg(long, value_name = "rays | hemicube[,N] | analytic", help_heading = "Method",
+          default_value_t = FormFactors::default(), value_parser = values::form_factors)]
+    pub form_factors: FormFactors,
+
     /// Who solves for the light of all bounces; the result is the same within the error bound. direct takes at most 4096
     /// receivers, with the backs that rays meet; conjugate-gradient refuses --receivers auto; with --bounces there is
     /// nothing to solve
@@ -140,7 +147,7 @@ pub struct Bake {
           value_parser = named(Receivers::ALL, Receivers::name))]
     pub receivers: Receivers,
 
-    /// Each texel uses its own rays only, not those of its neighbours
+    /// Each texel uses its own rays only, not those of its neighbours, as it does without --form-factors rays
     #[arg(long, help_heading = "Method")]
     pub no_reuse: bool,
 

@@ -66,7 +66,7 @@ mod tests {
         atlas::{PAGE_EDGES, Unwrap},
         lightmaps::Content,
         radiosity::Solver,
-        transport::Receivers,
+        transport::{FormFactors, Receivers},
     };
 
     fn parse(options: &[&str]) -> Result<Bake, clap::Error> {
@@ -86,6 +86,7 @@ mod tests {
         let (bake, options) = (parse(&[]).unwrap(), luxel::bake::Options::default());
         let transport = options.transport;
         assert_eq!((bake.rays, !bake.no_reuse, bake.receivers), (None, transport.reuse, transport.receivers));
+        assert_eq!(bake.form_factors, transport.form_factors);
         assert_eq!(bake.max_reflectance, options.max_reflectance);
         assert_eq!((bake.solver, bake.bounces), (options.radiosity.solver, options.radiosity.bounces));
         assert_eq!(bake.content, options.content);
@@ -121,6 +122,12 @@ mod tests {
             &["--solver", "magic"],
             &["--solver", "Jacobi"],
             &["--receivers", "few"],
+            &["--form-factors", "magic"],
+            &["--form-factors", "rays,3"],
+            &["--form-factors", "hemicube,"],
+            &["--form-factors", "hemicube,7"],
+            &["--form-factors", "hemicube,2"],
+            &["--form-factors", "hemicube,514"],
             &["--solver", ""],
             &["--error", "0"],
             &["--error", "2%", "--rays", "4"],
@@ -139,6 +146,11 @@ mod tests {
     fn every_member_of_a_set_has_a_name() {
         for solver in Solver::ALL {
             assert_eq!(parse(&["--solver", solver.name()]).unwrap().solver, solver);
+        }
+        for form_factors in FormFactors::ALL {
+            for text in [form_factors.name().to_string(), form_factors.to_string()] {
+                assert_eq!(parse(&["--form-factors", &text]).unwrap().form_factors, form_factors, "{text}");
+            }
         }
         for receivers in Receivers::ALL {
             assert_eq!(parse(&["--receivers", receivers.name()]).unwrap().receivers, receivers);

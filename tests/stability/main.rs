@@ -1,13 +1,15 @@
 //! Scenes on which bakers are known to fail (`failure_scenes` of tests/data/validation.json), each as small as it gets.
 //!
-//! Those that concern solvers run over all of them (`solvers`); `asymmetric_matrix_cg` is a bare system, in
-//! tests/radiosity. Not here yet, since it belongs to a method to come: the hemicube's side of `hemicube_alias`.
-//! `hdr_range`'s half floats are checked where EXRs are written.
+//! `table` runs them over all estimators and solvers, and holds its outcome against the table in tests/README.md;
+//! `asymmetric_matrix_cg` is a bare system, in tests/radiosity. The others look closer at the default: receivers' own rays
+//! and their neighbours', at every texel and at some. `hdr_range`'s half floats are checked where EXRs are written.
 
 #[path = "../common/mod.rs"]
 mod common;
 mod light;
+mod scenes;
 mod solvers;
+mod table;
 
 use common::{
     bakes::{Shot, grey, options, parts, shoot, shoot_with, worst},
@@ -31,7 +33,7 @@ fn reads(shot: &Shot, expected: f64) {
 fn each(rays: u32) -> [Options; 4] {
     let [all, adaptive] = Receivers::ALL;
     [(all, false), (all, true), (adaptive, false), (adaptive, true)].map(|(receivers, reuse)| {
-        let transport = transport::Options { rays, reuse, receivers };
+        let transport = transport::Options { reuse, receivers, ..transport::Options::of(rays) };
         Options { transport, ..options(rays) }
     })
 }

@@ -1,0 +1,118 @@
+//! `Sight`: what the rays of rows meet, as columns. Shared by all methods that shoot.
+
+use super::receiver::Receiver;
+use super::{
+    Stats,
+    rows::{Block, DARK},
+};
+use crate::{
+    atlas::Coverage,
+    math::{CELLS, cell_of},
+    patches::{Enclosure, Seen, SurfacePoint, seen},
+    trace::{Hit, Ray, Tracer},
+};
+use glam::Vec3;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+/// Entries before all backs are known: a texel's front, its back, or a cell of the sky.
+const BACK: u32 = 1 << 30;
+const SKY: u32 = 1 << 31;
+
+/// Rays that escape end at this multiple of the longest way within the scene: for all texels in the same direction.
+const FAR: f32 = 64.0;
+
+pub(super) struct Sight<'a> {
+    pub tracer: &'a Tracer<'a>,
+    pub coverage: &'a Coverage,
+    enclosure: Enclosure<'a>,
+    /// Where rays that escape end.
+    far: f32,
+    /// One bit a texel: a ray has met its back.
+    met: Vec<AtomicU64>,
+}
+
+/// The end of a ray.
+pub(super) struct End {
+    /// The column that it met, or what it saw if its point may be enclosed.
+    pub column: Result<u32, Seen>,
+    pub spot: Vec3,
+}
+
+impl<'a> Sight<'a> {
+    pub fn new(tracer: &'a Tracer<'a>, coverage: &'a Coverage) -> Self {
+        Sight {
+            tracer,
+            coverage,
+            enclosure: Enclosure::new(tracer, coverage),
+            far: FAR * tracer.reach(),
+            met: (0..coverage.texels.len().div_ceil(64)).map(|_| AtomicU64::new(0)).collect(),
+        }
+    }
+
+    /// The column that a ray has met, or what it has seen if its point may be enclosed.
+    #[inline(always)]
+    pub fn end(&self, ray: &Ray, hit: &Option<Hit>, stats: &mut Stats) -> End {
+        stats.traced += 1;
+        let Some(hit) = hit else {
+            stats.escaped += 1;
+            let spot = ray.origin + ray.direction * self.far;
+            return End { column: Ok(SKY | cell_of(ray.direction)), spot };
+        };
+        let seen = seen(self.coverage, hit);
+        let column = if self.enclosure.may_enclose(hit) { Err(seen) } else { Ok(self.column(seen, stats)) };
+        End { column, spot: ray.origin + ray.direction * hit.t }
+    }
+
+    #[inline(always)]
+    pub fn column(&self, seen: Seen, stats: &mut Stats) -> u32 {
+        match seen {
+            Seen::Front(t) => t,
+            Seen::Back(t) => {
+                self.met[t as usize / 64].fetch_or(1 << (t % 64), Relaxed);
+                BACK | t
+            }
+            Seen::Dark => {
+                stats.dark += 1;
+                DARK
+            }
+            Seen::Lost => {
+                stats.lost += 1;
+                DARK
+            }
+        }
+    }
+
+    /// Which points of a receiver are enclosed; `found` counts them.
+    pub fn holds(&self, receiver: &Receiver, points: &[SurfacePoint], found: &mut usize) -> Vec<bool> {
+        self.enclosure.holds(points, receiver.at, receiver.turn, found)
+    }
+
+    /// Texels whose backs were met and are not in `known`, ascending.
+    pub fn take_met(&self, known: &[u32]) -> Vec<u32> {
+        let known: std::collections::HashSet<u32> = known.iter().copied().collect();
+        let bits = self.met.iter().enumerate().flat_map(|(w, bits)| {
+            let bits = bits.load(Relaxed);
+            (0..64u32).filter(move |b| bits >> b & 1 == 1).map(move |b| w as u32 * 64 + b)
+        });
+        bits.filter(|t| !known.contains(t)).collect()
+    }
+}
+
+/// Gives backs and cells of the sky their columns: fronts, backs in order, then the sky.
+pub(super) fn renumber(blocks: &mut [Block], texels: u32, backs: &[u32], sky: u32) {
+    let mut column_of = vec![0u32; if backs.is_empty() { 0 } else { texels as usize }];
+    for (k, &t) in backs.iter().enumerate() {
+        column_of[t as usize] = texels + k as u32;
+    }
+    blocks.par_iter_mut().for_each(|block| {
+        for c in block.columns_mut() {
+            if *c & SKY != 0 {
+                debug_assert!(*c & !SKY < CELLS);
+                *c = sky + (*c & !SKY);
+            } else if *c & BACK != 0 {
+                *c = column_of[(*c & !BACK) as usize];
+            }
+        }
+    });
+}
