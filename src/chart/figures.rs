@@ -108,15 +108,21 @@ fn errors(chart: &Chart, points: &[&Point], error: Error, which: usize) -> Vec<S
         all.push(Series { name: curve.name.clone(), paint: *paint, mark: *mark, line: Line::Dashed, points });
     }
     let mut names: Vec<&str> = Vec::new();
-    for p in points.iter().filter(|p| p.sweep == Sweep::Rays.name()) {
+    let methods = [Sweep::Rays, Sweep::FormFactors].map(Sweep::name);
+    for p in points.iter().filter(|p| methods.contains(&p.sweep)) {
         if !names.contains(&p.series.as_str()) {
             names.push(&p.series);
         }
     }
     for (name, (paint, mark)) in names.into_iter().zip(STYLES.iter().cycle()) {
         let mut own: Vec<&&Point> = points.iter().filter(|p| p.series == name).collect();
-        own.sort_by_key(|p| p.rays);
-        let points = own.iter().filter_map(|p| datum(p, p.rays.to_string())).collect();
+        own.sort_by_key(|p| (p.rays, p.entries));
+        // Of hemicubes the pixels of an edge.
+        let label = |p: &Point| match p.form_factors.split_once(',') {
+            Some((_, pixels)) => pixels.into(),
+            None => p.rays.to_string(),
+        };
+        let points = own.iter().filter_map(|p| datum(p, label(p))).collect();
         all.push(Series { name: name.into(), paint: *paint, mark: *mark, line: Line::Solid, points });
     }
     let mut quality: Vec<&&Point> = points.iter().filter(|p| p.sweep == Sweep::Quality.name() && !p.default).collect();

@@ -22,7 +22,7 @@ pub struct Point {
     /// True if no other point of this layout has less error in less time.
     pub pareto: bool,
     /// How rows are measured.
-    pub form_factors: &'static str,
+    pub form_factors: String,
     /// Who solved.
     pub solver: &'static str,
     /// Rays a row, those of the last step of a target.
@@ -82,7 +82,7 @@ impl Point {
             name: trial.name.clone(),
             default: trial.default,
             pareto: false,
-            form_factors: "rays",
+            form_factors: transport.form_factors.to_string(),
             solver: Solver::name(trial.options.radiosity.solver),
             rays,
             reuse: transport.reuse,

@@ -5,7 +5,7 @@ use crate::{
     atlas::Density,
     bake::{self, Quality, Target},
     radiosity::{self, Solver},
-    transport::{self, Receivers},
+    transport::{self, FormFactors, Receivers},
 };
 
 /// Sets of trials.
@@ -13,6 +13,8 @@ use crate::{
 pub enum Sweep {
     /// Rays a row, and every way to measure rows.
     Rays,
+    /// Other ways to find form factors.
+    FormFactors,
     /// Errors to reach.
     Quality,
     /// Solvers, in a bake and on one system by tolerance.
@@ -27,13 +29,21 @@ pub enum Sweep {
 
 impl Sweep {
     /// Every sweep.
-    pub const ALL: [Sweep; 6] =
-        [Sweep::Rays, Sweep::Quality, Sweep::Solvers, Sweep::Density, Sweep::Patches, Sweep::Threads];
+    pub const ALL: [Sweep; 7] = [
+        Sweep::Rays,
+        Sweep::FormFactors,
+        Sweep::Quality,
+        Sweep::Solvers,
+        Sweep::Density,
+        Sweep::Patches,
+        Sweep::Threads,
+    ];
 
     /// Name in options and results.
     pub fn name(self) -> &'static str {
         match self {
             Sweep::Rays => "rays",
+            Sweep::FormFactors => "form-factors",
             Sweep::Quality => "quality",
             Sweep::Solvers => "solvers",
             Sweep::Density => "density",
@@ -73,7 +83,15 @@ pub(super) enum Effort {
 /// Rays a row: what tells most first.
 const RAYS: [u32; 3] = [16, 256, 4];
 const MORE_RAYS: [u32; 5] = [64, 1024, 32, 128, 8];
-/// Ways to measure rows. A further closed set of methods is a further line.
+/// What is held against rays.
+const ESTIMATORS: [FormFactors; 5] = [
+    FormFactors::Hemicube { resolution: 16 },
+    FormFactors::Hemicube { resolution: 32 },
+    FormFactors::Hemicube { resolution: 64 },
+    FormFactors::Hemicube { resolution: 128 },
+    FormFactors::Analytic,
+];
+/// Ways to measure rows with rays. A further closed set of methods is a further line.
 fn ways(rays: u32) -> Vec<(&'static str, transport::Options)> {
     let plain = transport::Options::of(rays);
     vec![
@@ -90,6 +108,7 @@ pub(super) fn trials(base: &bake::Options) -> (Trial, Vec<Trial>) {
     let every = || 0..ways(1).len();
     all.extend(RAYS.iter().flat_map(|&rays| every().map(move |way| by_rays(base, rays, way))));
     all.extend(Quality::ALL.map(|q| target(base, q.name(), Target::typed(Some(q.error()), None))));
+    all.extend(ESTIMATORS.map(|form_factors| by_form_factors(base, form_factors)));
     all.push(of_all(base, Sweep::Solvers, "on one system", Effort::Solvers, 2.0));
     all.extend(edges(base).map(|edge| at_density(base, edge)));
     all.push(of_all(base, Sweep::Patches, "all sizes", Effort::Patches, 0.5));
@@ -115,6 +134,16 @@ fn by_rays(base: &bake::Options, rays: u32, way: usize) -> Trial {
     let options = bake::Options { transport, ..base.clone() };
     let cost = 1.3 * f64::from(rays) / f64::from(base.transport.rays) + 0.3;
     trial(Sweep::Rays, series, &format!("{series}, {rays}"), options, cost)
+}
+
+fn by_form_factors(base: &bake::Options, form_factors: FormFactors) -> Trial {
+    let options = bake::Options { transport: transport::Options { form_factors, ..base.transport }, ..base.clone() };
+    // Of hemicubes the pixels, three faces' worth; the other is refused where it would take long.
+    let cost = match form_factors {
+        FormFactors::Hemicube { resolution } => 0.05 * f64::from(resolution).powi(2),
+        FormFactors::Rays | FormFactors::Analytic => 10.0,
+    };
+    trial(Sweep::FormFactors, form_factors.name(), &form_factors.to_string(), options, cost)
 }
 
 fn by_solver(base: &bake::Options, solver: Solver) -> Trial {

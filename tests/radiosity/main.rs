@@ -42,6 +42,7 @@ impl Parts {
             transport: Transport::from_rows(n, rows.into_iter().map(weighed)),
             patches: Patches {
                 area: vec![1.0; n],
+                validity: vec![1.0; n],
                 reflectance: dark.clone(),
                 exitance: dark.clone(),
                 ..Patches::default()
