@@ -88,13 +88,13 @@ const POWER: f64 = 0.45;
 const LEAP: u32 = 4;
 /// Part of the target that a guess aims at: the audit must be sure.
 const AIM: f64 = 0.8;
-/// Rays of an audit: a share of the bake's, which take half the time, but not less than these, which take a second or two.
+/// Rays of an audit: a share of the bake's, which take half the time, but not less than these: some three hundred points.
 const SHARE: u64 = 12;
-const LEAST: u64 = 3_000_000;
+const LEAST: u64 = 1_500_000;
 /// Paths from each place of an audit's points: more points rather than better ones.
 const PATHS: u32 = 16;
 /// Audits that a look may add up to, in rays, while the target lies within the interval.
-const LOOK: u64 = 2;
+const LOOK: u64 = 4;
 
 /// Bakes `scene` until the target is reached, or cannot be: `options` but for the rays. [`Report::target`] says which.
 ///
