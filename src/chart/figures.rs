@@ -69,7 +69,7 @@ fn error(chart: &Chart) -> Option<Figure> {
         rules: Vec::new(),
     });
     let budget = format!("Relative RMS errors with 95 % intervals, against {}.", truth(chart));
-    let numbers = "Numbers beside points: rays a texel, or the error that was to be reached.";
+    let numbers = "Numbers beside points: rays a texel, pixels of a hemicube's edge, or the error to be reached.";
     let front =
         "Star: a bake without options. Pareto front: of all efforts of luxel none is both faster and more exact.";
     let peers = chart.peers.as_ref().map(|p| p.note.clone());
@@ -131,8 +131,8 @@ fn errors(chart: &Chart, points: &[&Point], error: Error, which: usize) -> Vec<S
     let quality = quality.iter().filter_map(|p| datum(p, label(p))).collect();
     all.push(Series {
         name: "--quality, its audits included".into(),
-        paint: PINK,
-        mark: Mark::Diamond,
+        paint: SKY,
+        mark: Mark::Ring,
         line: Line::Solid,
         points: quality,
     });
