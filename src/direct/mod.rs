@@ -12,6 +12,7 @@ mod emitters;
 mod lambert;
 mod measure;
 mod punctual;
+mod received;
 mod sky;
 mod smooth;
 mod volley;

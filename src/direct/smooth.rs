@@ -5,7 +5,7 @@
 //! of first order would flatten by as much as the noise hides. What the fit leaves tells whether it may: more than the
 //! noise of the samples is an edge, and the texel keeps its own.
 
-use super::measure::Received;
+use super::received::Received;
 use crate::{
     atlas::Coverage,
     math::luminance,
