@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{
     lightmaps::Content,
-    math::{cosine_hemisphere, hash, unit_float},
+    math::{Random, cosine_hemisphere, hash},
     scene::{Bake, Light},
     trace::{Hit, Ray, Segment},
 };
@@ -73,20 +73,6 @@ pub(super) struct Sum {
     pub sheets: u32,
 }
 
-/// Words that look random.
-struct Random(u32, u32);
-
-impl Random {
-    fn next(&mut self) -> f32 {
-        self.1 += 1;
-        unit_float(hash(self.0, self.1))
-    }
-
-    fn pair(&mut self) -> Vec2 {
-        Vec2::new(self.next(), self.next())
-    }
-}
-
 /// Parts of the paths from a place that are independent of each other, so that products at the place have no bias.
 pub(super) const PARTS: usize = 2;
 
@@ -136,7 +122,7 @@ impl Bundle {
         self.paths.clear();
         for i in 0..places.len() * each {
             let sum = (i / each * PARTS + i % PARTS) as u32;
-            let random = Random(hash(seed, i as u32), 0);
+            let random = Random::new(hash(seed, i as u32));
             self.paths.push(Path { place: places[i / each], weight: Vec3::ONE, sum, random });
         }
         let (mut rays, mut depth) = (0, 0);
@@ -220,7 +206,7 @@ impl Bundle {
                 direction = frame.to_world(cosine_hemisphere(path.random.pair()));
             }
             direction -= 2.0 * direction.dot(place.face).min(0.0) * place.face;
-            let key = hash(path.random.0, path.random.1 ^ 0x8000_0000);
+            let key = path.random.key();
             self.rays.push(place.ray(direction, key));
         }
         self.hits.resize(self.rays.len(), None);

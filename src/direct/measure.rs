@@ -114,7 +114,7 @@ struct Task<'a> {
     enclosure: Enclosure<'a>,
     /// Relative standard error that calls for more rays.
     noise: f32,
-    /// What it is relative to, at least: luminance of irradiance.
+    /// What it is relative to, at least: luminance of irradiance. 0 until probes have told how much light there is.
     faint: f32,
 }
 
@@ -163,7 +163,9 @@ impl Task<'_> {
 
     /// Blocks of points that the noise which is left calls for, of the patch or a neighbour; 0: none.
     fn wish(&self, received: &[Received], patch: usize) -> u8 {
-        let allowed = |light: f32| self.noise * light.clamp(self.faint, GLARE * self.faint);
+        // Where nothing reflects, there is no mean to hold it against.
+        let glare = if self.faint > 0.0 { GLARE * self.faint } else { f32::INFINITY };
+        let allowed = |light: f32| self.noise * light.max(self.faint).min(glare);
         let excess = |r: &Received| r.variance.sqrt() / allowed(luminance(r.total())).max(f32::MIN_POSITIVE);
         let most = self.around(patch).map(|n| excess(&received[n])).fold(0.0, f32::max);
         let blocks = libm::powf(most, 1.0 / EDGE_POWER) / MORE as f32;

@@ -95,7 +95,8 @@ const GATHERED_SHARE: f64 = 0.3;
 const GATHERED_SHARE_OF_MANY: f64 = 0.05;
 
 impl Direct {
-    /// Measures every patch. `rays` is the number of shadow rays a source where shadows are mixed, of edges four times that.
+    /// Measures every patch. `rays` is the number of shadow rays a source where shadows are mixed, of edges four times
+    /// that and, where they stay noisy, up to 64 times.
     pub fn measure(
         tracer: &Tracer,
         coverage: &Coverage,

@@ -1,9 +1,9 @@
 //! Punctual lights drawn as an engine draws them, with shadows by rays: by the formulas of KHR_lights_punctual.
 
-use super::{Random, ggx::Metal};
+use super::ggx::Metal;
 use crate::{
     audit::surface::Place,
-    math::{Frame, square_to_disc},
+    math::{Frame, Random, square_to_disc},
     scene::{Light, LightKind},
     trace::{Segment, Tracer},
 };

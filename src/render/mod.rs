@@ -17,7 +17,7 @@ pub use stored::{of_bake, of_file};
 use crate::{
     audit::{emitters::Emitters, surface::Place},
     lightmaps::Content,
-    math::{cosine_hemisphere, hash, unit_float},
+    math::{Random, cosine_hemisphere, hash},
     preview::Sight,
     scene::{Bake, Light, Surface},
     trace::{Hit, NOWHERE, Ray, Tracer},
@@ -44,26 +44,6 @@ pub struct View<'v, 's> {
 const LONGEST: u32 = 64;
 /// Surfaces after which chance may end a path.
 const SURE: u32 = 3;
-
-/// Numbers in [0, 1) that look random.
-struct Random(u32, u32);
-
-impl Random {
-    fn next(&mut self) -> f32 {
-        self.1 += 1;
-        unit_float(hash(self.0, self.1))
-    }
-
-    fn pair(&mut self) -> Vec2 {
-        Vec2::new(self.next(), self.next())
-    }
-
-    /// For a ray.
-    fn key(&mut self) -> u32 {
-        self.1 += 1;
-        hash(self.0, self.1 ^ 0x8000_0000)
-    }
-}
 
 impl<'v, 's> View<'v, 's> {
     /// A view of what `tracer` meets, in the light that is `known` to a map of this content.
@@ -92,7 +72,7 @@ impl<'v, 's> View<'v, 's> {
 
     /// Radiance that leaves a front towards unit `back`: what is known, and the mean of paths where that is not all.
     fn leaving(&self, hit: &Hit, back: Vec3, key: u32) -> Vec3 {
-        let mut random = Random(hash(key, 0x7669_6577), 0);
+        let mut random = Random::new(hash(key, 0x7669_6577));
         let vertex = self.vertex(hit, back);
         let known = vertex.surface.emission + self.reflected(&vertex, &mut random);
         if vertex.lobes() == Vec2::ZERO {
@@ -123,7 +103,7 @@ impl<'v, 's> View<'v, 's> {
     /// What path `index` from a vertex finds beyond that.
     fn path(&self, mut vertex: Vertex, key: u32, index: u32) -> Vec3 {
         let world = &self.tracer.world;
-        let mut random = Random(hash(key, index), 0);
+        let mut random = Random::new(hash(key, index));
         let (mut sum, mut weight) = (Vec3::ZERO, Vec3::ONE);
         for step in 0..LONGEST {
             let lobes = vertex.lobes();
