@@ -28,6 +28,7 @@ impl Polygon {
     }
 
     /// The part between `min` and `min + 1` along an axis.
+    #[inline]
     pub fn clipped_to_strip(&self, axis: usize, min: f64) -> Self {
         self.clipped(|c| c[axis] - min).clipped(|c| min + 1.0 - c[axis])
     }
@@ -39,6 +40,7 @@ impl Polygon {
         c.windows(2).map(|e| (e[0] - a).perp_dot(e[1] - a)).sum::<f64>().abs() * 0.5
     }
 
+    #[inline]
     fn clipped(&self, inside: impl Fn(DVec2) -> f64) -> Self {
         let mut out = Polygon { corners: [DVec2::ZERO; 8], count: 0 };
         let c = self.corners();

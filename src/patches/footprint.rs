@@ -6,16 +6,18 @@ use crate::{
     scene::{World, shading_normal},
     trace::{Ray, Segment, rounding},
 };
-use glam::{DVec2, Vec2, Vec3};
+use glam::{DMat2, DVec2, DVec3, Vec2, Vec3};
 
 /// The surface inside one texel, cut into cells that are affine images of the unit square or its lower half.
 ///
-/// Made once a texel and reused: [`Footprint::set`] keeps the allocations.
+/// Reused from texel to texel: [`Footprint::set`] keeps the allocations, and the faces that the next texel has, too.
 pub struct Footprint<'w> {
     world: &'w World<'w>,
     coverage: &'w Coverage,
     cells: Vec<Cell>,
     faces: Vec<Face>,
+    /// Those of the texel before.
+    before: Vec<Face>,
 }
 
 /// A part of a face: the affine image of the unit square or of its lower half.
@@ -30,7 +32,8 @@ pub struct Cell {
     bary: [Vec2; 3],
 }
 
-/// The part of a triangle inside the texel.
+/// A triangle of which a part is inside the texel.
+#[derive(Clone)]
 pub struct Face {
     /// Global triangle.
     pub triangle: u32,
@@ -39,6 +42,11 @@ pub struct Face {
     /// At its corners, where it is shaded smoothly.
     smooth: Option<[Vec3; 3]>,
     offset: f32,
+    corners: [DVec3; 3],
+    /// Its corners on the page, texels.
+    uv: [DVec2; 3],
+    /// From there to barycentrics.
+    inverse: DMat2,
 }
 
 /// A point on a surface.
@@ -98,6 +106,38 @@ impl Cell {
 }
 
 impl Face {
+    fn new(world: &World, coverage: &Coverage, triangle: u32) -> Self {
+        let (instance, local) = world.locate(triangle);
+        let corners = world.corners(instance, local);
+        let normal = world.cross(instance, &corners).normalize_or_zero();
+        let smooth = world.smooth_normals(instance, local, normal);
+        let uv = coverage.charted[triangle as usize].exact();
+        Face {
+            triangle,
+            normal,
+            frame: Frame::around(normal),
+            smooth,
+            offset: rounding(&corners),
+            corners: corners.map(|c| c.as_dvec3()),
+            uv,
+            inverse: DMat2::from_cols(uv[1] - uv[0], uv[2] - uv[0]).inverse(),
+        }
+    }
+
+    /// Barycentrics of a place on the page.
+    fn bary(&self, at: DVec2) -> DVec2 {
+        self.inverse * (at - self.uv[0])
+    }
+
+    /// True if the texel whose first corner is at `bary` lies in the triangle.
+    fn holds_texel(&self, bary: DVec2) -> bool {
+        const ROUNDING: f64 = 1e-9;
+        let [x, y] = [self.inverse.x_axis, self.inverse.y_axis];
+        let least = bary + x.min(DVec2::ZERO) + y.min(DVec2::ZERO);
+        let most = bary.element_sum() + x.element_sum().max(0.0) + y.element_sum().max(0.0);
+        least.min_element() >= -ROUNDING && most <= 1.0 + ROUNDING
+    }
+
     /// From a point on the front to where rays start, and the axes of their directions; `None` where those differ from
     /// point to point.
     pub fn flat(&self) -> Option<(Vec3, Frame)> {
@@ -108,25 +148,22 @@ impl Face {
 impl<'w> Footprint<'w> {
     /// An empty footprint.
     pub fn new(world: &'w World<'w>, coverage: &'w Coverage) -> Self {
-        Footprint { world, coverage, cells: Vec::new(), faces: Vec::new() }
+        Footprint { world, coverage, cells: Vec::new(), faces: Vec::new(), before: Vec::new() }
     }
 
     /// Takes on the surface inside `texel`.
     pub fn set(&mut self, texel: usize) {
         let (world, coverage) = (self.world, self.coverage);
         self.cells.clear();
+        std::mem::swap(&mut self.faces, &mut self.before);
         self.faces.clear();
         let at = coverage.texels[texel].at.as_dvec2();
         let mut sum = 0.0;
         for fragment in coverage.fragments_of(texel) {
-            let (instance, local) = world.locate(fragment.triangle);
-            let corners = world.corners(instance, local);
-            let normal = world.cross(instance, &corners).normalize_or_zero();
-            let smooth = world.smooth_normals(instance, local, normal);
-            let (frame, offset) = (Frame::around(normal), rounding(&corners));
-            self.faces.push(Face { triangle: fragment.triangle, normal, frame, smooth, offset });
-            let uv = coverage.charted[fragment.triangle as usize].exact();
-            sum = self.cut(corners, uv, at, fragment.area, sum);
+            let known = self.before.iter().find(|face| face.triangle == fragment.triangle);
+            let face = known.cloned().unwrap_or_else(|| Face::new(world, coverage, fragment.triangle));
+            sum = cut(&face, self.faces.len() as u32, at, fragment.area, sum, &mut self.cells);
+            self.faces.push(face);
         }
     }
 
@@ -219,50 +256,40 @@ impl<'w> Footprint<'w> {
             offset: face.offset,
         }
     }
-
-    /// Adds the cells of one fragment, whose uv clipped to the texel at `at` is a convex polygon.
-    fn cut(&mut self, corners: [Vec3; 3], uv: [DVec2; 3], at: DVec2, area: f32, before: f32) -> f32 {
-        let face = self.faces.len() as u32 - 1;
-        let clipped = Polygon::triangle(uv).clipped_to_cell(at);
-        let total = clipped.area();
-        let c = clipped.corners();
-        let bary = |p: DVec2| barycentrics(uv, p);
-        let position = |b: DVec2| {
-            let [p, q, r] = corners.map(|c| c.as_dvec3());
-            (p + (q - p) * b.x + (r - p) * b.y).as_vec3()
-        };
-        let mut sum = before;
-        let mut add = |square: bool, a: DVec2, b: DVec2, c: DVec2, share: f64| {
-            let (a, b, c) = (bary(a), bary(b), bary(c));
-            let (pa, pb, pc) = (position(a), position(b), position(c));
-            let after = sum + area * share as f32;
-            if after > sum {
-                self.cells.push(Cell {
-                    face,
-                    square,
-                    before: sum,
-                    after,
-                    origin: [pa, pb - pa, pc - pa],
-                    bary: [a.as_vec2(), (b - a).as_vec2(), (c - a).as_vec2()],
-                });
-                sum = after;
-            }
-        };
-        if c.len() == 4 && total > 1.0 - 1e-9 {
-            add(true, c[0], c[1], c[3], 1.0);
-        } else {
-            for k in 1..c.len().saturating_sub(1) {
-                let share = (c[k] - c[0]).perp_dot(c[k + 1] - c[0]).abs() * 0.5 / total;
-                add(false, c[0], c[k], c[k + 1], share);
-            }
-        }
-        sum
-    }
 }
 
-fn barycentrics(uv: [DVec2; 3], p: DVec2) -> DVec2 {
-    let (e1, e2, d) = (uv[1] - uv[0], uv[2] - uv[0], p - uv[0]);
-    DVec2::new(d.perp_dot(e2), e1.perp_dot(d)) / e1.perp_dot(e2)
+/// Adds the cells of the part of a face, the `index`-th, inside the texel at `at`; `area` is that of the part, `sum` that of
+/// the cells before. Returns the new sum.
+fn cut(face: &Face, index: u32, at: DVec2, area: f32, mut sum: f32, cells: &mut Vec<Cell>) -> f32 {
+    let [p, q, r] = face.corners;
+    let position = |b: DVec2| (p + (q - p) * b.x + (r - p) * b.y).as_vec3();
+    let mut add = |square: bool, [a, b, c]: [DVec2; 3], share: f64| {
+        let after = sum + area * share as f32;
+        if after > sum {
+            let (pa, pb, pc) = (position(a), position(b), position(c));
+            cells.push(Cell {
+                face: index,
+                square,
+                before: sum,
+                after,
+                origin: [pa, pb - pa, pc - pa],
+                bary: [a.as_vec2(), (b - a).as_vec2(), (c - a).as_vec2()],
+            });
+            sum = after;
+        }
+    };
+    let first = face.bary(at);
+    if face.holds_texel(first) {
+        add(true, [first, first + face.inverse.x_axis, first + face.inverse.y_axis], 1.0);
+        return sum;
+    }
+    let clipped = Polygon::triangle(face.uv).clipped_to_cell(at);
+    let (total, c) = (clipped.area(), clipped.corners());
+    for k in 1..c.len().saturating_sub(1) {
+        let share = (c[k] - c[0]).perp_dot(c[k + 1] - c[0]).abs() * 0.5 / total;
+        add(false, [c[0], c[k], c[k + 1]].map(|c| face.bary(c)), share);
+    }
+    sum
 }
 
 /// Area-preserving fold of the unit square onto the triangle (0,0), (1,0), (0,1) (Heitz, "A Low-Distortion Map Between

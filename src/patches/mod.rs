@@ -58,7 +58,7 @@ pub enum Seen {
     Lost,
 }
 
-/// Points a texel over which material properties are averaged.
+/// Points a texel over which material properties are averaged where they vary.
 const MATERIAL_POINTS: usize = 16;
 
 struct Front {
@@ -166,11 +166,19 @@ fn front(
     footprint.set(texel);
     let at = coverage.texels[texel].at;
     let (mut reflectance, mut emission, mut weight, mut dielectric) = (Vec3::ZERO, Vec3::ZERO, 0.0, 0.0);
-    for point in table.block(at.x, at.y, 0) {
+    let uniform = |triangle: u32| {
+        let (instance, t) = world.locate(triangle);
+        world.scene.is_uniform(world.mesh(instance), t)
+    };
+    let points = match footprint.faces() {
+        [one] if uniform(one.triangle) => &table.block(at.x, at.y, 0)[..1],
+        _ => table.block(at.x, at.y, 0),
+    };
+    for point in points {
         let p = footprint.point(point.place);
         let (instance, t) = world.locate(p.triangle);
         let mesh = world.mesh(instance);
-        let size = texture_footprint(world, coverage, p.triangle) / (MATERIAL_POINTS as f32).sqrt();
+        let size = texture_footprint(world, coverage, p.triangle) / (points.len() as f32).sqrt();
         let s = world.scene.surface(mesh, t, p.bary, size);
         // Rays meet this share of it. What it reflects and emits is counted for those that do.
         let met = 1.0 - s.transmittance.element_sum() / 3.0;
@@ -182,7 +190,7 @@ fn front(
     let mean = 1.0 / f32::max(weight, 1e-6);
     let (reflectance, emission) = (reflectance * mean, emission * mean);
     Front {
-        area: footprint.area() * weight / MATERIAL_POINTS as f32,
+        area: footprint.area() * weight / points.len() as f32,
         center: footprint.point(Vec2::splat(0.5)).position,
         normal: footprint.normal(),
         reflectance: reflectance.min(Vec3::splat(max_reflectance)),

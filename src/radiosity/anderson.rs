@@ -4,7 +4,7 @@
 
 use super::{
     Method, System,
-    channels::{add, difference, dot},
+    channels::{add, add_all, difference, dot, dots},
 };
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -27,20 +27,17 @@ pub(super) struct Anderson {
 
 impl Method for Anderson {
     fn next(&mut self, _: &System, x: &mut Vec<DVec3>, mapped: &[DVec3]) -> Option<u64> {
-        let mut residual = difference(mapped, x);
+        let residual = difference(mapped, x);
         if let Some([step, before]) = self.last.take() {
             self.learn(step, difference(&before, &residual));
         }
-        let before = residual.clone();
-        let mut step = vec![DVec3::ZERO; x.len()];
-        for [direction, image] in &self.steps {
-            let share = dot(image, &residual);
-            add(&mut step, share, direction);
-            add(&mut residual, -share, image);
-        }
-        add(&mut step, DVec3::ONE, &residual);
+        let [directions, images] = self.kept();
+        let shares = dots(&images, &residual);
+        let mut step = residual.clone();
+        let factors: Vec<DVec3> = shares.iter().copied().chain(shares.iter().map(|s| -*s)).collect();
+        add_all(&mut step, &factors, &[directions, images].concat());
         add(x, DVec3::ONE, &step);
-        self.last = Some([step, before]);
+        self.last = Some([step, residual]);
         Some(0)
     }
 }
@@ -52,14 +49,18 @@ impl Anderson {
             self.steps.pop_front();
         }
         let all = dot(&image, &image);
-        for [direction, other] in &self.steps {
-            let share = dot(other, &image);
-            add(&mut step, -share, direction);
-            add(&mut image, -share, other);
-        }
+        let [directions, images] = self.kept();
+        let shares: Vec<DVec3> = dots(&images, &image).iter().map(|s| -*s).collect();
+        add_all(&mut step, &shares, &directions);
+        add_all(&mut image, &shares, &images);
         let square = dot(&image, &image);
         // What rounding left is no direction.
         let scale = DVec3::select(square.cmpgt(all * 1e-20), 1.0 / square.map(f64::sqrt), DVec3::ZERO);
         self.steps.push_back([step, image].map(|v| v.par_iter().map(|v| (*v * scale).as_vec3()).collect()));
+    }
+
+    /// Steps, and their images.
+    fn kept(&self) -> [Vec<&[Vec3]>; 2] {
+        [0, 1].map(|which| self.steps.iter().map(|pair| &pair[which][..]).collect())
     }
 }

@@ -101,6 +101,7 @@ impl<'t> System<'t> {
     pub fn radiosity(&self, x: &[DVec3]) -> Vec<DVec3> {
         let n = self.reflectance.len();
         let mut radiosity = vec![DVec3::ZERO; n];
+        radiosity.reserve_exact(self.emission.len() - n);
         self.transport.interpolate(x, &mut radiosity);
         radiosity.par_iter_mut().enumerate().for_each(|(i, b)| {
             let [emission, reflectance, direct] = [self.emission[i], self.reflectance[i], self.direct[i]];

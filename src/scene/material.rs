@@ -133,6 +133,13 @@ impl Scene {
         }
     }
 
+    /// True if [`Scene::surface`] is the same at all points of triangle `t` of `mesh`.
+    pub fn is_uniform(&self, mesh: &Mesh, t: u32) -> bool {
+        let m = &self.materials[mesh.primitives[mesh.primitive_of(t)].material as usize];
+        let slots = [&m.base_texture, &m.metallic_texture, &m.emission_texture, &m.transmission_texture];
+        mesh.colors.is_empty() && slots.iter().all(|slot| slot.is_none())
+    }
+
     /// Base colour (linear) and opacity of triangle `t` of `mesh` at `bary`: all that an unlit surface has.
     pub fn base_color(&self, mesh: &Mesh, t: u32, bary: Vec2, footprint: f32) -> Vec4 {
         let m = &self.materials[mesh.primitives[mesh.primitive_of(t)].material as usize];
