@@ -150,3 +150,33 @@ fn an_inspection_is_a_picture_a_layer_and_says_what_it_shows() {
     let said = folder.luxel("inspect lit.gltf -o pictures --points 50");
     assert!(said.code == 0 && !said.out.contains("0 texels are shared"), "{}{}", said.out, said.err);
 }
+
+#[cfg(unix)]
+#[test]
+fn interrupted_painting_ends_at_once_and_writes_nothing() {
+    let folder = Folder::new();
+    let said = folder.luxel("bake room.gltf -o lit.gltf --resolution 512 --rays 1 --quiet");
+    assert_eq!(said.code, 0, "{}", said.err);
+    // So that there is a warning once the file is open.
+    change(&folder, "lit.gltf", |lit| {
+        lit["extensions"]["LUXEL_lightmap"].as_object_mut().unwrap().remove("report");
+    });
+    let before = folder.files();
+    for arguments in ["render lit.gltf -o a.png --size 8000x8000 --samples 4", "inspect lit.gltf -o a --points 16777216"] {
+        let mut command = folder.command(arguments);
+        let mut child = command.stderr(std::process::Stdio::piped()).spawn().unwrap();
+        let mut lines = std::io::BufRead::lines(std::io::BufReader::new(child.stderr.take().unwrap()));
+        assert!(lines.any(|line| line.unwrap().contains("does not say")));
+        std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        let patience = std::time::Instant::now();
+        let status = loop {
+            match child.try_wait().unwrap() {
+                Some(status) => break status,
+                None if patience.elapsed().as_secs() > 3 => child.kill().unwrap(),
+                None => std::thread::sleep(std::time::Duration::from_millis(10)),
+            }
+        };
+        assert_eq!(status.code(), Some(130), "{arguments}");
+        assert_eq!(folder.files(), before, "{arguments}");
+    }
+}
