@@ -162,7 +162,9 @@ fn interrupted_painting_ends_at_once_and_writes_nothing() {
         lit["extensions"]["LUXEL_lightmap"].as_object_mut().unwrap().remove("report");
     });
     let before = folder.files();
-    for arguments in ["render lit.gltf -o a.png --size 8000x8000 --samples 4", "inspect lit.gltf -o a --points 16777216"] {
+    for arguments in
+        ["render lit.gltf -o a.png --size 8000x8000 --samples 4", "inspect lit.gltf -o a --points 16777216"]
+    {
         let mut command = folder.command(arguments);
         let mut child = command.stderr(std::process::Stdio::piped()).spawn().unwrap();
         let mut lines = std::io::BufRead::lines(std::io::BufReader::new(child.stderr.take().unwrap()));
