@@ -133,7 +133,7 @@ fn an_inspection_is_a_picture_a_layer_and_says_what_it_shows() {
     let folder = baked("");
     let said = folder.luxel("inspect lit.gltf -o pictures --points 50");
     assert_eq!((said.code, said.err.as_str()), (0, ""));
-    for name in ["density", "charts", "overlaps", "validity", "rows", "error"] {
+    for name in ["density", "charts", "overlaps", "validity", "receivers", "rows", "error"] {
         assert!(said.out.contains(&format!("{name} ")), "{}", said.out);
         for picture in ["page0", "view"] {
             assert!(levels(&folder, &format!("pictures/{picture}.{name}.png")).iter().any(|l| *l > 100), "{name}");
@@ -149,6 +149,28 @@ fn an_inspection_is_a_picture_a_layer_and_says_what_it_shows() {
     });
     let said = folder.luxel("inspect lit.gltf -o pictures --points 50");
     assert!(said.code == 0 && !said.out.contains("0 texels are shared"), "{}{}", said.out, said.err);
+}
+
+#[test]
+fn receivers_are_those_of_the_bake() {
+    let folder = Folder::new();
+    let bright = |options: &str| {
+        let said =
+            folder.luxel(&format!("bake room.gltf -o lit.gltf --resolution 128 --quiet --report a.json {options}"));
+        assert_eq!(said.code, 0, "{}", said.err);
+        let report: Value = serde_json::from_slice(&std::fs::read(folder.path("a.json")).unwrap()).unwrap();
+        let said = folder.luxel("inspect lit.gltf -o pictures --points 10 --quiet");
+        assert_eq!((said.code, said.err.as_str()), (0, ""));
+        let picture = decode(&std::fs::read(folder.path("pictures/page0.receivers.png")).unwrap()).unwrap();
+        let bright = picture.rgba.iter().filter(|c| c[0] > 128).count();
+        // No sheet of the room has a back that rays meet, so that all receivers are texels.
+        assert_eq!(bright as u64, report["receivers"].as_u64().unwrap(), "{options}");
+        (bright, report["texels"].as_u64().unwrap() as usize)
+    };
+    let (all, texels) = bright("--rays 16");
+    let (some, _) = bright("--rays 16 --receivers auto");
+    let (more, _) = bright("--rays 1024 --receivers auto");
+    assert!(all == texels && some < more && more < texels, "{some} {more} {texels}");
 }
 
 #[cfg(unix)]

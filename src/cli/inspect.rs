@@ -17,9 +17,11 @@ use luxel::{
     math::srgb,
     pixels::encode_png,
     preview::{Cast, Sight},
+    progress::Silent,
     render,
     scene::World,
     trace::{NOWHERE, Ray, Tracer},
+    transport,
 };
 use std::{path::Path, process::ExitCode};
 
@@ -44,7 +46,12 @@ pub fn run(args: &args::Inspect) -> Result<ExitCode> {
     });
     let max_reflectance = record.reflectance();
     let subject = Subject { tracer: &tracer, coverage: &coverage, lightmaps: &lightmaps, max_reflectance };
-    let inspection = Inspection::new(subject, &atlas, args.points as usize);
+    // Geometry alone chose them, so they are chosen again.
+    let receivers = record
+        .adaptive_rays
+        .map(|rays| transport::adaptive_receivers(&tracer, &coverage, rays, &Silent))
+        .transpose()?;
+    let inspection = Inspection::new(subject, &atlas, args.points as usize, receivers);
     let (mut told, mut files) = (Vec::new(), Vec::new());
     for layer in Layer::ALL {
         let painted = inspection.paint(layer);
@@ -60,13 +67,6 @@ pub fn run(args: &args::Inspect) -> Result<ExitCode> {
         let name = format!("view.{}.png", layer.name());
         files.push((name.clone(), pictures::encode(&picture, Path::new(&name))?));
         told.push((layer.name(), painted.legend));
-    }
-    if let Some(receivers) = record.receivers {
-        let texels = coverage.texels.len();
-        told.push((
-            "receivers",
-            format!("{receivers}, backs included, for {texels} texels; the file does not keep where they are"),
-        ));
     }
     signals::begin_writing();
     folder.write(&files)?;

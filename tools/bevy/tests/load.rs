@@ -32,7 +32,8 @@ fn baked(name: &str, options: &str) -> TempDir {
     let mut command = Command::new(Path::new(ROOT).join(program));
     command.arg("bake").arg(scene).arg("-o").arg(folder.path().join(name));
     command.args("--resolution 64 --rays 4 --quiet".split(' ')).args(options.split_whitespace());
-    assert!(command.status().unwrap().success());
+    let said = command.output().unwrap();
+    assert!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
     folder
 }
 
@@ -84,9 +85,16 @@ fn document(folder: &TempDir) -> (PathBuf, Value) {
 }
 
 fn texels(image: &Image) -> Vec<f32> {
-    assert_eq!(image.texture_descriptor.format, TextureFormat::Rgba16Float);
     let bytes = image.data.as_ref().unwrap();
-    bytes.chunks_exact(2).map(|x| f16::from_le_bytes([x[0], x[1]]).to_f32()).collect()
+    match image.texture_descriptor.format {
+        TextureFormat::Rgba16Float => {
+            bytes.chunks_exact(2).map(|x| f16::from_le_bytes([x[0], x[1]]).to_f32()).collect()
+        }
+        TextureFormat::Rgba32Float => {
+            bytes.chunks_exact(4).map(|x| f32::from_le_bytes([x[0], x[1], x[2], x[3]])).collect()
+        }
+        other => panic!("{other:?}"),
+    }
 }
 
 #[test]
@@ -116,22 +124,26 @@ fn lit_nodes_get_their_part_of_a_page() {
 
 #[test]
 fn texels_are_irradiance_over_pi_from_the_top() {
-    // Neither the file's pages nor its scale are ones that could be taken for the other way round.
-    let folder = baked("room.gltf", "--sidecar --light-scale 100000");
-    let (_, json) = document(&folder);
-    let page = &json["extensions"]["LUXEL_lightmap"]["pages"][0];
-    let scale = page["scale"].as_f64().unwrap() as f32;
-    assert!(scale > 1.0, "{scale}");
-    let bytes = std::fs::read(folder.path().join(page["uri"].as_str().unwrap())).unwrap();
-    let exr = image::load_from_memory_with_format(&bytes, image::ImageFormat::OpenExr).unwrap().into_rgba32f();
-    let mut app = shown(&folder, "room.gltf");
-    let handle = all::<Lightmap>(&mut app)[0].image.clone();
-    let shown = app.world().resource::<Assets<Image>>().get(&handle).unwrap();
-    let texels = texels(shown);
-    assert_eq!(texels.len(), exr.as_raw().len());
-    for (i, (mine, stored)) in texels.iter().zip(exr.as_raw()).enumerate().filter(|(i, _)| i % 4 < 3) {
-        let wanted = stored * scale / PI;
-        assert!((mine - wanted).abs() <= 1e-3 * wanted + 1e-6, "{i}: {mine} {wanted}");
+    // Bright pages have a scale, and are more than halves can hold.
+    for (options, format) in [("", TextureFormat::Rgba16Float), ("--light-scale 100000", TextureFormat::Rgba32Float)] {
+        let folder = baked("room.gltf", &format!("--sidecar {options}"));
+        let (_, json) = document(&folder);
+        let page = &json["extensions"]["LUXEL_lightmap"]["pages"][0];
+        let scale = page["scale"].as_f64().unwrap() as f32;
+        assert_eq!(scale > 1.0, !options.is_empty());
+        let bytes = std::fs::read(folder.path().join(page["uri"].as_str().unwrap())).unwrap();
+        let exr = image::load_from_memory_with_format(&bytes, image::ImageFormat::OpenExr).unwrap().into_rgba32f();
+        let app = shown(&folder, "room.gltf");
+        let server = app.world().resource::<AssetServer>();
+        let handle = server.get_handle::<Image>("room.gltf#LUXEL_lightmap/Page0").unwrap();
+        let shown = app.world().resource::<Assets<Image>>().get(&handle).unwrap();
+        assert_eq!(shown.texture_descriptor.format, format);
+        let texels = texels(shown);
+        assert!(texels.len() == exr.as_raw().len() && texels.iter().any(|x| *x > 0.0 && *x != 1.0));
+        for (i, (mine, stored)) in texels.iter().zip(exr.as_raw()).enumerate().filter(|(i, _)| i % 4 < 3) {
+            let wanted = stored * scale / PI;
+            assert!((mine - wanted).abs() <= 1e-3 * wanted + 1e-6, "{i}: {mine} {wanted}");
+        }
     }
 }
 
@@ -174,7 +186,7 @@ fn what_is_broken_leaves_the_scene_as_it_was() {
         odd["nodes"].as_array_mut().unwrap().iter_mut().find(|n| n["extensions"].get("LUXEL_lightmap").is_some());
     node.unwrap()["extensions"]["LUXEL_lightmap"]["page"] = json!(9);
     std::fs::write(&file, odd.to_string()).unwrap();
-    check("is on page 9, but the file has 1");
+    check("is on page 9, but the file has 3");
 }
 
 #[test]
