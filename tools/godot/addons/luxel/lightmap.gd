@@ -24,7 +24,9 @@ func _import_post(state: GLTFState, root: Node) -> Error:
 	var made := _read(state, data)
 	if made.has("problem"):
 		var file := state.filename
-		push_warning("%s: %s: %s; the scene is shown without its lightmap" % [NAME, file, made.problem])
+		push_warning(
+			"%s: %s: %s; the scene is shown without its lightmap" % [NAME, file, made.problem]
+		)
 		return OK
 	_show(state, root, made)
 	return OK
@@ -119,7 +121,10 @@ func _scaled(image: Image, factor: float) -> Image:
 
 ## Why a node cannot be lit, or nothing.
 func _misplaced(state: GLTFState, node: Dictionary, place: Variant, pages: int) -> String:
-	if not place is Dictionary or not (_is_pair(place.get("offset")) and _is_pair(place.get("scale"))):
+	if (
+		not place is Dictionary
+		or not (_is_pair(place.get("offset")) and _is_pair(place.get("scale")))
+	):
 		return "has no rectangle that makes sense"
 	var page := int(place.get("page", -1))
 	if page < 0 or page >= pages:
@@ -138,7 +143,9 @@ func _is_pair(value: Variant) -> bool:
 func _primitives(state: GLTFState, node: Dictionary) -> Array:
 	var mesh := int(node.get("mesh", -1))
 	var primitives: Array = [] if mesh < 0 else state.json.meshes[mesh].primitives
-	return primitives.filter(func(p: Dictionary) -> bool: return p.get("mode", TRIANGLES) >= TRIANGLES)
+	return primitives.filter(
+		func(p: Dictionary) -> bool: return p.get("mode", TRIANGLES) >= TRIANGLES
+	)
 
 
 func _show(state: GLTFState, root: Node, made: Dictionary) -> void:
