@@ -26,6 +26,9 @@ pub struct Report {
     pub patches: usize,
     /// Patches at which a row is measured.
     pub receivers: usize,
+    /// Rays a row by which they were chosen, where they need not be all texels.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub adaptive_rays: Option<u32>,
     /// How rows were measured.
     pub form_factors: FormFactorReport,
     /// Rays that measured rows, and their share of trouble.

@@ -133,7 +133,7 @@ fn an_inspection_is_a_picture_a_layer_and_says_what_it_shows() {
     let folder = baked("");
     let said = folder.luxel("inspect lit.gltf -o pictures --points 50");
     assert_eq!((said.code, said.err.as_str()), (0, ""));
-    for name in ["density", "charts", "overlaps", "validity", "rows", "error"] {
+    for name in ["density", "charts", "overlaps", "validity", "receivers", "rows", "error"] {
         assert!(said.out.contains(&format!("{name} ")), "{}", said.out);
         for picture in ["page0", "view"] {
             assert!(levels(&folder, &format!("pictures/{picture}.{name}.png")).iter().any(|l| *l > 100), "{name}");
@@ -149,4 +149,58 @@ fn an_inspection_is_a_picture_a_layer_and_says_what_it_shows() {
     });
     let said = folder.luxel("inspect lit.gltf -o pictures --points 50");
     assert!(said.code == 0 && !said.out.contains("0 texels are shared"), "{}{}", said.out, said.err);
+}
+
+#[test]
+fn receivers_are_those_of_the_bake() {
+    let folder = Folder::new();
+    let bright = |options: &str| {
+        let said =
+            folder.luxel(&format!("bake room.gltf -o lit.gltf --resolution 128 --quiet --report a.json {options}"));
+        assert_eq!(said.code, 0, "{}", said.err);
+        let report: Value = serde_json::from_slice(&std::fs::read(folder.path("a.json")).unwrap()).unwrap();
+        let said = folder.luxel("inspect lit.gltf -o pictures --points 10 --quiet");
+        assert_eq!((said.code, said.err.as_str()), (0, ""));
+        let picture = decode(&std::fs::read(folder.path("pictures/page0.receivers.png")).unwrap()).unwrap();
+        let bright = picture.rgba.iter().filter(|c| c[0] > 128).count();
+        // No sheet of the room has a back that rays meet, so that all receivers are texels.
+        assert_eq!(bright as u64, report["receivers"].as_u64().unwrap(), "{options}");
+        (bright, report["texels"].as_u64().unwrap() as usize)
+    };
+    let (all, texels) = bright("--rays 16");
+    let (some, _) = bright("--rays 16 --receivers auto");
+    let (more, _) = bright("--rays 1024 --receivers auto");
+    assert!(all == texels && some < more && more < texels, "{some} {more} {texels}");
+}
+
+#[cfg(unix)]
+#[test]
+fn interrupted_painting_ends_at_once_and_writes_nothing() {
+    let folder = Folder::new();
+    let said = folder.luxel("bake room.gltf -o lit.gltf --resolution 512 --rays 1 --quiet");
+    assert_eq!(said.code, 0, "{}", said.err);
+    // So that there is a warning once the file is open.
+    change(&folder, "lit.gltf", |lit| {
+        lit["extensions"]["LUXEL_lightmap"].as_object_mut().unwrap().remove("report");
+    });
+    let before = folder.files();
+    for arguments in
+        ["render lit.gltf -o a.png --size 8000x8000 --samples 4", "inspect lit.gltf -o a --points 16777216"]
+    {
+        let mut command = folder.command(arguments);
+        let mut child = command.stderr(std::process::Stdio::piped()).spawn().unwrap();
+        let mut lines = std::io::BufRead::lines(std::io::BufReader::new(child.stderr.take().unwrap()));
+        assert!(lines.any(|line| line.unwrap().contains("does not say")));
+        std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        let patience = std::time::Instant::now();
+        let status = loop {
+            match child.try_wait().unwrap() {
+                Some(status) => break status,
+                None if patience.elapsed().as_secs() > 3 => child.kill().unwrap(),
+                None => std::thread::sleep(std::time::Duration::from_millis(10)),
+            }
+        };
+        assert_eq!(status.code(), Some(130), "{arguments}");
+        assert_eq!(folder.files(), before, "{arguments}");
+    }
 }

@@ -104,6 +104,8 @@ pub(super) fn describe(r: &mut Report, ground: &Ground, lit: &Lit, options: &Opt
     r.texels = coverage.texels.len();
     r.patches = patches.len();
     r.receivers = transport.receivers.len();
+    let adaptive = options.transport.receivers == Receivers::Auto;
+    r.adaptive_rays = adaptive.then_some(options.transport.rays);
     let seconds = r.seconds.iter().find(|s| s.0 == "transport").map_or(0.0, |s| s.1);
     r.rays = RayReport {
         traced: transport.stats.traced,

@@ -3,7 +3,9 @@
 use super::{
     args,
     bake::{Warnings, start_threads},
-    console, lights,
+    console,
+    folder::Folder,
+    lights,
     progress::Progress,
     signals,
 };
@@ -15,11 +17,7 @@ use luxel::{
     files, gltf, progress,
     scene::World,
 };
-use std::{
-    fmt::Write,
-    path::{Path, PathBuf},
-    process::ExitCode,
-};
+use std::{fmt::Write, path::Path, process::ExitCode};
 
 /// Pixels of a PNG to a unit of its SVG: sharp on fine screens, too.
 const PIXELS: f32 = 2.0;
@@ -29,7 +27,7 @@ pub fn run(args: &args::Chart) -> Result<ExitCode> {
     signals::listen();
     start_threads(args.threads)?;
     let options = options(args)?;
-    let folder = Folder::check(&args.output)?;
+    let folder = Folder::check(&args.output, "chart.json")?;
     let peers = args.peers.as_deref().map(peers).transpose()?;
     let mut said = Warnings::default();
     let reading = gltf::ReadOptions { exclude: args.exclude.clone(), light_scale: args.light_scale };
@@ -112,30 +110,6 @@ fn drawn(chart: &Chart) -> Result<Vec<(String, Vec<u8>)>> {
         files.push((file, png));
     }
     Ok(files)
-}
-
-/// The folder of the charts.
-struct Folder {
-    path: PathBuf,
-}
-
-impl Folder {
-    /// Finds out whether it can be written to, before anything takes long.
-    fn check(path: &Path) -> Result<Self> {
-        if path.exists() && !path.is_dir() {
-            return Err(Error::Usage(format!("{}: is not a folder\n  choose another with -o", path.display())));
-        }
-        let inside = if path.is_dir() { path.join("chart.json") } else { path.to_path_buf() };
-        files::probe(&inside)?;
-        Ok(Folder { path: path.into() })
-    }
-
-    fn write(&self, files: &[(String, Vec<u8>)]) -> Result<()> {
-        if !self.path.is_dir() {
-            std::fs::create_dir(&self.path).map_err(|e| Error::writing(&self.path, e))?;
-        }
-        files.iter().try_for_each(|(name, bytes)| files::write_whole(&self.path.join(name), |out| out.write_all(bytes)))
-    }
 }
 
 /// The points, and what they say together.

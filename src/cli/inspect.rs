@@ -4,41 +4,38 @@ use super::{
     args,
     bake::{Warnings, start_threads},
     baked::{self, Opened},
-    camera, console, pictures,
-    progress::Progress,
-    signals, summary,
+    camera, console,
+    folder::Folder,
+    pictures, signals, summary,
 };
 use glam::Vec3;
 use luxel::{
     atlas::{Coverage, NO_PAGE},
     audit::Subject,
     error::{Error, Result},
-    files,
     inspect::{Inspection, Layer},
     math::srgb,
     pixels::encode_png,
     preview::{Cast, Sight},
-    progress, render,
+    progress::Silent,
+    render,
     scene::World,
     trace::{NOWHERE, Ray, Tracer},
+    transport,
 };
-use std::{io, process::ExitCode};
+use std::{path::Path, process::ExitCode};
 
 /// Colour of what no map covers, linear.
 const BARE: Vec3 = Vec3::splat(0.01);
 
 /// Inspects as the options say.
 pub fn run(args: &args::Inspect) -> Result<ExitCode> {
-    signals::listen();
+    signals::listen_once();
     start_threads(args.threads)?;
-    let folder = &args.output;
+    let folder = Folder::check(&args.output, "page0.png")?;
     let mut said = Warnings::default();
     let Opened { scene, atlas, lightmaps, record, .. } = baked::open(&args.baked, &mut said)?;
     let wish = camera::choose(&scene, args.camera.as_ref())?;
-    if folder.exists() && !folder.is_dir() {
-        return Err(Error::Usage(format!("{}: is not a folder", folder.display())));
-    }
-    std::fs::create_dir_all(folder).map_err(|e| Error::writing(folder, e))?;
 
     let world = World::new(&scene);
     let coverage = Coverage::new(&world, &atlas);
@@ -49,30 +46,30 @@ pub fn run(args: &args::Inspect) -> Result<ExitCode> {
     });
     let max_reflectance = record.reflectance();
     let subject = Subject { tracer: &tracer, coverage: &coverage, lightmaps: &lightmaps, max_reflectance };
-    let inspection = Inspection::new(subject, &atlas, args.points as usize);
-    let mut told = Vec::new();
+    // Geometry alone chose them, so they are chosen again.
+    let receivers = record
+        .adaptive_rays
+        .map(|rays| transport::adaptive_receivers(&tracer, &coverage, rays, &Silent))
+        .transpose()?;
+    let inspection = Inspection::new(subject, &atlas, args.points as usize, receivers);
+    let (mut told, mut files) = (Vec::new(), Vec::new());
     for layer in Layer::ALL {
         let painted = inspection.paint(layer);
-        progress::check(&Progress::new(true))?;
         for (page, grid) in coverage.grids.iter().enumerate() {
             let color = |t: &u32| srgb(painted.colors.get(*t as usize).copied().unwrap_or(BARE));
             let texels: Vec<[u8; 3]> = grid.iter().map(color).collect();
-            let file = folder.join(format!("page{page}.{}.png", layer.name()));
-            let bytes = encode_png(coverage.sizes[page], &texels).map_err(|e| Error::writing(&file, e))?;
-            files::write_whole(&file, |out: &mut dyn io::Write| out.write_all(&bytes))?;
+            let name = format!("page{page}.{}.png", layer.name());
+            let bytes = encode_png(coverage.sizes[page], &texels).map_err(|e| Error::writing(Path::new(&name), e))?;
+            files.push((name, bytes));
         }
         let cast = |origin, direction| on_surface(&tracer, &coverage, &painted.colors, origin, direction);
         let picture = pictures::plain(&cast as &Cast, &camera);
-        pictures::write(&picture, &folder.join(format!("view.{}.png", layer.name())))?;
+        let name = format!("view.{}.png", layer.name());
+        files.push((name.clone(), pictures::encode(&picture, Path::new(&name))?));
         told.push((layer.name(), painted.legend));
     }
-    if let Some(receivers) = record.receivers {
-        let texels = coverage.texels.len();
-        told.push((
-            "receivers",
-            format!("{receivers}, backs included, for {texels} texels; the file does not keep where they are"),
-        ));
-    }
+    signals::begin_writing();
+    folder.write(&files)?;
     if !args.quiet {
         console::print(&summary::lines(&told))?;
     }

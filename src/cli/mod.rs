@@ -10,6 +10,7 @@ mod baked;
 mod camera;
 mod chart;
 mod console;
+mod folder;
 mod inspect;
 mod lights;
 mod outputs;

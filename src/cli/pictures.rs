@@ -47,13 +47,18 @@ pub fn aspect() -> f32 {
     SIZE.x as f32 / SIZE.y as f32
 }
 
-/// Writes a picture, whole or not at all: radiance as EXR, what is shown of it as PNG.
+/// Writes a picture, whole or not at all.
 pub fn write(picture: &Picture, file: &Path) -> Result<()> {
+    let bytes = encode(picture, file)?;
+    files::write_whole(file, |out| out.write_all(&bytes))
+}
+
+/// The bytes of a picture of this name: radiance as EXR, what is shown of it as PNG.
+pub fn encode(picture: &Picture, file: &Path) -> Result<Vec<u8>> {
     let bytes = if has_extension(file, &["exr"]) {
         exr::encode(picture.size, &picture.radiance, true).map(|e| e.bytes).map_err(io::Error::other)
     } else {
         encode_png(picture.size, &picture.rgb)
     };
-    let bytes = bytes.map_err(|e| Error::writing(file, e))?;
-    files::write_whole(file, |out| out.write_all(&bytes))
+    bytes.map_err(|e| Error::writing(file, e))
 }

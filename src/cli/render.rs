@@ -4,16 +4,14 @@ use super::{
     args,
     bake::{Warnings, start_threads},
     baked::{self, Opened},
-    camera, console, pictures,
-    progress::Progress,
-    signals, summary,
+    camera, console, pictures, signals, summary,
 };
 use luxel::{
     atlas::Coverage,
     error::{Error, Result},
     files,
     lightmaps::Content,
-    progress, render,
+    render,
     scene::World,
     trace::Tracer,
 };
@@ -21,7 +19,7 @@ use std::process::ExitCode;
 
 /// Renders as the options say.
 pub fn run(args: &args::Render) -> Result<ExitCode> {
-    signals::listen();
+    signals::listen_once();
     start_threads(args.threads)?;
     let file = &args.output;
     if files::place(file)? == files::place(&args.baked.input)? {
@@ -39,7 +37,6 @@ pub fn run(args: &args::Render) -> Result<ExitCode> {
     let tracer = Tracer::new(world);
     let mut view = render::of_file(&tracer, &coverage, &lightmaps, args.paths);
     let picture = pictures::paint(&scene, &mut view, camera, args.size, args.samples);
-    progress::check(&Progress::new(true))?;
     signals::begin_writing();
     pictures::write(&picture, file)?;
     if !args.quiet {

@@ -1,23 +1,38 @@
-//! Ctrl-C: the first asks the bake to stop, the second ends the program at once, and neither leaves half a file.
+//! Ctrl-C: the first asks a bake to stop, the second ends the program at once, and neither leaves half a file.
 //!
 //! While files are being written, which is short, signals wait: temporary files exist only then.
 
 use super::console;
-use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
+use std::sync::{
+    Mutex, PoisonError,
+    atomic::{AtomicBool, Ordering::SeqCst},
+};
 
 static STOP: AtomicBool = AtomicBool::new(false);
-static WRITING: AtomicBool = AtomicBool::new(false);
+/// Locked while the program ends, too: then no file is begun any more.
+static WRITING: Mutex<bool> = Mutex::new(false);
 
 /// Exit code of an interrupted program.
 const INTERRUPTED: i32 = 130;
 
-/// Begins to listen for Ctrl-C and requests to terminate.
+/// Begins to listen for Ctrl-C and requests to terminate; who asks [`stopped`] now and then can tidy up.
 pub fn listen() {
-    let handler = || {
-        let again = STOP.swap(true, SeqCst);
-        if WRITING.load(SeqCst) {
+    on_signal(|| STOP.swap(true, SeqCst));
+}
+
+/// Likewise, where there is nothing to tidy up: the first ends the program.
+pub fn listen_once() {
+    on_signal(|| true);
+}
+
+/// `enough` tells whether the program is to end at once.
+fn on_signal(enough: impl Fn() -> bool + Send + 'static) {
+    let handler = move || {
+        let enough = enough();
+        let writing = WRITING.lock().unwrap_or_else(PoisonError::into_inner);
+        if *writing {
             console::note("the files are being written; this does not take long");
-        } else if again {
+        } else if enough {
             std::process::exit(INTERRUPTED);
         } else {
             console::note("stopping; once more to end at once");
@@ -34,5 +49,5 @@ pub fn stopped() -> bool {
 
 /// From here on signals wait for the program's end.
 pub fn begin_writing() {
-    WRITING.store(true, SeqCst);
+    *WRITING.lock().unwrap_or_else(PoisonError::into_inner) = true;
 }

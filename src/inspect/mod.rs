@@ -25,6 +25,8 @@ pub enum Layer {
     Overlaps,
     /// Share of the surface that other geometry does not enclose.
     Validity,
+    /// Texels that have rows of their own.
+    Receivers,
     /// Sum of a row: share of the hemisphere in which lit surfaces are seen.
     Rows,
     /// Error by the audit's paths.
@@ -33,8 +35,8 @@ pub enum Layer {
 
 impl Layer {
     /// Everything there is to choose from.
-    pub const ALL: [Layer; 6] =
-        [Layer::Density, Layer::Charts, Layer::Overlaps, Layer::Validity, Layer::Rows, Layer::Error];
+    pub const ALL: [Layer; 7] =
+        [Layer::Density, Layer::Charts, Layer::Overlaps, Layer::Validity, Layer::Receivers, Layer::Rows, Layer::Error];
 
     /// The name in files.
     pub fn name(self) -> &'static str {
@@ -43,6 +45,7 @@ impl Layer {
             Layer::Charts => "charts",
             Layer::Overlaps => "overlaps",
             Layer::Validity => "validity",
+            Layer::Receivers => "receivers",
             Layer::Rows => "rows",
             Layer::Error => "error",
         }
@@ -63,6 +66,10 @@ const OCTAVES: f64 = 2.0;
 /// Relative error at which the scale of colours ends.
 const WORST: f64 = 0.1;
 
+/// What has a row, and what reads others'.
+const BRIGHT: Vec3 = Vec3::splat(0.8);
+const DIM: Vec3 = Vec3::splat(0.05);
+
 /// Texels that stand for a square.
 const EACH: usize = 4;
 /// Where the error of a texel has no meaning: geometry encloses it.
@@ -75,13 +82,16 @@ pub struct Inspection<'i, 's> {
     looks: Vec<Look>,
     /// Texels whose error is estimated, at most.
     points: usize,
+    /// Texels with rows; `None`: all.
+    receivers: Option<Vec<u32>>,
 }
 
 impl<'i, 's> Inspection<'i, 's> {
-    /// Looks at a lightmap; its error is estimated at about `points` texels.
-    pub fn new(subject: Subject<'i, 's>, atlas: &Atlas, points: usize) -> Self {
+    /// Looks at a lightmap; its error is estimated at about `points` texels. `receivers`: the texels that have rows, if not
+    /// all of them.
+    pub fn new(subject: Subject<'i, 's>, atlas: &Atlas, points: usize, receivers: Option<Vec<u32>>) -> Self {
         let charts = Charts::new(&subject.tracer.world, atlas, subject.coverage);
-        Inspection { subject, charts, looks: look::around(&subject), points }
+        Inspection { subject, charts, looks: look::around(&subject), points, receivers }
     }
 
     /// Paints a layer.
@@ -91,6 +101,7 @@ impl<'i, 's> Inspection<'i, 's> {
             Layer::Charts => self.charts(),
             Layer::Overlaps => self.overlaps(),
             Layer::Validity => self.validity(),
+            Layer::Receivers => self.receivers(),
             Layer::Rows => self.rows(),
             Layer::Error => self.error(),
         }
@@ -156,6 +167,18 @@ impl<'i, 's> Inspection<'i, 's> {
         }
         let colors = self.looks.iter().map(|l| RED.lerp(Vec3::splat(0.4), l.valid)).collect();
         Painted { colors, legend: format!("{buried} texels are enclosed by geometry (red), {partly} in part") }
+    }
+
+    fn receivers(&self) -> Painted {
+        let Some(receivers) = &self.receivers else {
+            let legend = "every texel has a row of its own".into();
+            return Painted { colors: vec![BRIGHT; self.texels()], legend };
+        };
+        let mut colors = vec![DIM; self.texels()];
+        receivers.iter().for_each(|&t| colors[t as usize] = BRIGHT);
+        let legend =
+            format!("{} of {} texels have rows (bright), the others read theirs", receivers.len(), self.texels());
+        Painted { colors, legend }
     }
 
     fn rows(&self) -> Painted {

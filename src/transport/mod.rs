@@ -163,6 +163,16 @@ impl Interpolation {
     }
 }
 
+/// Texels, ascending, that have rows of so many rays where [`Receivers::Auto`] chooses.
+pub fn adaptive_receivers(
+    tracer: &Tracer,
+    coverage: &Coverage,
+    rays: u32,
+    observer: &dyn Observer,
+) -> Result<Vec<u32>> {
+    Ok(adaptive::choose(tracer, coverage, rays, observer)?.texels)
+}
+
 /// Counts of rays.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Stats {

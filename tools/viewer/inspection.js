@@ -3,10 +3,14 @@
 import { NearestFilter, SRGBColorSpace, TextureLoader } from "three";
 import { inspection } from "./look.js";
 
-/** Pages and addresses of the pictures among dropped or chosen files. */
+/** The pictures among dropped or chosen files: pages and addresses by what they show. */
 export function inspectionsOf(files) {
-  const pictures = files.map((file) => [/^page(\d+)\.\w+\.png$/.exec(file.name)?.[1], file]);
-  return pictures.filter(([page]) => page !== undefined).map(([page, file]) => [Number(page), URL.createObjectURL(file)]);
+  const pictures = new Map();
+  for (const file of files) {
+    const [, page, name] = /^page(\d+)\.(\w+)\.png$/.exec(file.name) ?? [];
+    if (name) pictures.set(name, [...(pictures.get(name) ?? []), [Number(page), URL.createObjectURL(file)]]);
+  }
+  return pictures;
 }
 
 /** Loads pictures, [page, address] each. */

@@ -32,6 +32,8 @@ const camera = new PerspectiveCamera(FOV);
 const walk = new Walk(camera, renderer.domElement, draw);
 /** What is open: where from, the lit scene, the unbaked one (once it is asked for), the mean irradiance. */
 let open = null;
+/** Pictures that were dropped, by what they show. */
+let pictures = new Map();
 let drawing = null;
 let drawnAt = null;
 
@@ -189,13 +191,20 @@ function say(text) {
 
 function openFiles(list) {
   const from = ofFiles([...list]);
-  const pictures = inspectionsOf([...list]);
-  if (pictures.length) {
+  const dropped = inspectionsOf([...list]);
+  if (dropped.size) {
+    pictures = dropped;
+    form.picture.replaceChildren(...[...pictures.keys()].sort().map((name) => new Option(name)));
+    form.picture.parentElement.hidden = false;
     form.look.value = "inspection";
-    inspect(pictures).then(settle).catch((error) => say(error.message));
+    choosePicture();
   }
   if (from) show(from);
-  else if (!pictures.length) say("No .glb or .gltf among these files.");
+  else if (!dropped.size) say("No .glb or .gltf among these files.");
+}
+
+function choosePicture() {
+  inspect(pictures.get(form.picture.value)).then(settle).catch((error) => say(error.message));
 }
 
 addEventListener("resize", draw);
@@ -213,6 +222,7 @@ form.files.addEventListener("change", () => openFiles(form.files.files));
 document.forms[0].addEventListener("submit", (event) => event.preventDefault());
 document.forms[0].addEventListener("input", (event) => {
   if (event.target === form.exposure && open) open.exposure = 2 ** form.exposure.value;
+  if (event.target === form.picture) choosePicture();
   settle().catch((error) => say(error.message));
 });
 

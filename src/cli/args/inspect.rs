@@ -12,8 +12,8 @@ Examples:
   luxel inspect scene.lit.glb -o pictures
   luxel inspect scene.lit.glb -o pictures --points 20000
 
-Writes page0.NAME.png for every page and view.NAME.png on the surface, NAME being density, charts, overlaps, validity, rows
-and error.
+Writes page0.NAME.png for every page and view.NAME.png on the surface, NAME being density, charts, overlaps, validity,
+receivers, rows and error.
 
 Exit codes: 0 done; 1 failed; 2 wrong usage; 3 the input is missing, invalid or not baked; 130 interrupted.";
 

@@ -37,7 +37,8 @@ pub enum Command {
     Audit(Box<Audit>),
     /// Paint a picture of a baked file: matt surfaces from its lightmaps, what metals mirror by ray tracing
     Render(Box<Render>),
-    /// Paint what the lightmaps of a baked file are like: density, charts, overlaps, validity, rows, error
+    /// Paint what the lightmaps of a baked file are like: density, charts, overlaps, validity, receivers,
+    /// rows, error
     Inspect(Box<Inspect>),
     /// Chart speed against accuracy on a scene: rays, solvers, receivers, texels, threads
     Chart(Box<Chart>),

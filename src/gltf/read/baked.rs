@@ -34,8 +34,8 @@ pub struct Record {
     pub exclude: Vec<String>,
     /// `--bounces`.
     pub bounces: Option<u32>,
-    /// Receivers of the bake.
-    pub receivers: Option<u64>,
+    /// Rays a row by which the bake chose receivers, if it chose them.
+    pub adaptive_rays: Option<u32>,
 }
 
 impl Record {
@@ -60,8 +60,9 @@ pub fn record(document: &Document) -> Result<Option<Record>> {
     let Some(light) = report.and_then(|r| r.get("light")) else { return Ok(None) };
     let record = Record::deserialize(light).map_err(|e| broken(document, "report.light", e.to_string()))?;
     let bounces = report.and_then(|r| r.get("bounces")).and_then(Value::as_u64).map(|n| n.min(u32::MAX.into()) as u32);
-    let receivers = report.and_then(|r| r.get("receivers")).and_then(Value::as_u64);
-    Ok(Some(Record { bounces, receivers, ..record }))
+    let rays = report.and_then(|r| r.get("adaptiveRays")).and_then(Value::as_u64);
+    let adaptive_rays = rays.map(|n| n.clamp(1, 65536) as u32);
+    Ok(Some(Record { bounces, adaptive_rays, ..record }))
 }
 
 /// The lightmap of `document`, whose scene is `scene`.

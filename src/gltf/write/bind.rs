@@ -70,6 +70,7 @@ fn short(report: &Report) -> Value {
     let mut short = object(json!({
         "texels": report.texels,
         "receivers": report.receivers,
+        "adaptiveRays": report.adaptive_rays,
         "rays": report.rays.traced,
         "solver": report.solver.name,
         "bounces": report.solver.bounces,

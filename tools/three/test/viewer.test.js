@@ -75,6 +75,20 @@ test("pictures of luxel inspect are shown where luxel says that they belong", as
   assert.ok(all > 100000 && same / all > 0.98, `${same} of ${all}`);
 });
 
+test("of several pictures that are dropped one is chosen", async () => {
+  const inspection = "/scenes/seen/page{page}.receivers.png";
+  const linked = await seen({ look: "inspection", inspection });
+  const { pixels } = await seen({}, async (page) => {
+    const names = ["charts", "receivers"].map((name) => join(stand.folder, `seen/page0.${name}.png`));
+    await page.setInputFiles("input[type=file]", names);
+    // The form is there, but bare.
+    await page.selectOption("select[name=picture]", "receivers", { force: true });
+    await page.waitForTimeout(500);
+  });
+  assert.ok(pixels.data.equals(linked.pixels.data));
+  assert.ok(!pixels.data.equals((await seen()).pixels.data));
+});
+
 test("the unbaked scene stands to the right, under an even light if it has none", async () => {
   const { pixels } = await seen({ compare: 1 });
   const at = (x, y) => [...pixels.data.subarray(4 * (y * pixels.width + x), 4 * (y * pixels.width + x) + 3)];
