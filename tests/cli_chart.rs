@@ -165,6 +165,10 @@ fn a_baked_file_may_be_the_truth() {
     let error = |name: &str| points(&chart).iter().find(|p| p["name"] == name).unwrap()["error"].as_f64().unwrap();
     // The same rays, but that shadow rays are fewer.
     assert!(error("rays, used again, 1024") < 0.2 * error("rays, used once, 4"));
+    // Sizes of patches have layouts of their own: they are held against an audit in any case.
+    let chart = charted(&folder, "--budget 20s --sweep patches --truth 32.glb");
+    assert!(chart["patches"]["levels"].as_array().is_some_and(|l| l.len() == 2), "{}", chart["patches"]);
+    assert!(chart["patches"]["points"].as_u64().is_some_and(|n| n > 50), "{}", chart["patches"]);
     let other = Folder::new();
     std::fs::copy(folder.path("64.glb"), other.path("64.glb")).unwrap();
     let said = self::chart(&other, "--budget 1s --truth 64.glb");

@@ -264,8 +264,8 @@ fn patches(chart: &Chart) -> Option<Figure> {
         columns: 1,
         panel: [560.0, 360.0],
         notes: vec![format!(
-            "Against {}; 95 % intervals. Numbers: edge of the page. {} rays a patch, fewer for more than 2^26 in all. Powers: over all that can be told from noise.",
-            truth(chart),
+            "Against an audit at {} points; 95 % intervals. Numbers: edge of the page. {} rays a patch, fewer for more than 2^26 in all. Powers: over all that can be told from noise.",
+            count(patches.points as u64),
             patches.levels[0].rays
         )],
     })

@@ -123,8 +123,6 @@ impl Options {
     }
 }
 
-/// What to change when memory does not suffice.
-const REMEDY: &str = "lower --rays, --resolution or --texels-per-meter";
 /// Rays of a row, and of all rows, that neighbours use.
 const SHARED: u32 = 64;
 const SHARED_IN_ALL: u64 = 1 << 26;
@@ -217,7 +215,7 @@ impl Transport {
             Receivers::Auto => {
                 let chosen = adaptive::choose(tracer, coverage, options.rays, observer)?;
                 // Until now nobody knew how many there are.
-                memory::fits(options.bytes_of_rows(chosen.texels.len()) >> 20, memory::free_mb(), REMEDY)?;
+                memory::fits(options.bytes_of_rows(chosen.texels.len()) >> 20, memory::free_mb(), memory::REMEDY)?;
                 (chosen.texels, chosen.strides, chosen.interpolation)
             }
         };

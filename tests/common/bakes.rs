@@ -84,7 +84,11 @@ pub fn grey(e: Vec3) -> f64 {
 
 impl Shot {
     /// A stage on its own charts, by whatever makes parts of a scene.
-    pub fn of(mut stage: Stage, mut options: Options, make: impl Fn(&Scene, &Options) -> Result<Parts>) -> Result<Self> {
+    pub fn of(
+        mut stage: Stage,
+        mut options: Options,
+        make: impl Fn(&Scene, &Options) -> Result<Parts>,
+    ) -> Result<Self> {
         let (edge, corners) = stage.lay_out();
         options.atlas = atlas::Options { unwrap: Unwrap::Keep, density: Density::Resolution(edge), page_size: 8192 };
         let Stage { scene, sizes, .. } = stage;

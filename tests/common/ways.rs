@@ -20,6 +20,7 @@ use luxel::{
 };
 use std::{
     cell::{Cell, RefCell},
+    collections::HashMap,
     rc::Rc,
 };
 
@@ -51,7 +52,7 @@ impl Way {
 /// serve the others. By default it bakes, as users do.
 pub struct Runs {
     pub way: Way,
-    measured: RefCell<Vec<Rc<Measured>>>,
+    measured: RefCell<HashMap<usize, Rc<Measured>>>,
     next: Cell<usize>,
 }
 
@@ -75,12 +76,12 @@ impl Runs {
             return try_shoot(stage, options);
         }
         Shot::of(stage, self.way.of(options), |scene, options| {
-            let known = self.measured.borrow().get(at).cloned();
+            let known = self.measured.borrow().get(&at).cloned();
             let measured = match known {
                 Some(measured) => measured,
                 None => {
                     let measured = Rc::new(Measured::new(scene, options)?);
-                    self.measured.borrow_mut().push(measured.clone());
+                    self.measured.borrow_mut().insert(at, measured.clone());
                     measured
                 }
             };

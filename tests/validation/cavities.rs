@@ -1,5 +1,6 @@
-//! Bowls and wedges under the sky or the sun: the scattered light is the same everywhere. No outline in a hemisphere, of the
-//! sky, is longer than a great circle.
+//! Bowls and wedges under the sky or the sun: the scattered light is the same everywhere. The sky's
+//! outline is no longer than a great circle; that of a bowl's opening, which covers 1 - f of the projected hemisphere, than
+//! twice that of a disc that does.
 
 use crate::common::{
     bakes::{grey, options, spread},
@@ -33,7 +34,7 @@ pub fn sphere_cavity_sky(case: &Case) -> Outcome {
     let (area_mean, _) = (shot.mean(&[chart]).1.x / f64::from(PI), 0);
     let law = |f: f64| (1.0 - f) / (1.0 - rho * f);
     // A row sees the opening with share 1 - f, which is worth 1 - rho H; the mean's errors are scattered on.
-    let texel = (1.0 - rho * law(f)) * case.share(f, rays, TAU);
+    let texel = (1.0 - rho * law(f)) * case.share(f, rays, TAU.min(2.0 * TAU * libm::sqrt(1.0 - f)));
     let sigma = texel / libm::sqrt(h.len() as f64) / (1.0 - rho * f);
     let shape = (law(own) - law(f)).abs();
     let expected = case.expects("H_over_piL")?;

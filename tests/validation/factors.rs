@@ -13,15 +13,16 @@ use crate::common::{
     ways::Way,
 };
 use crate::{Case, Check, Outcome, Problem, numbers, vectors};
-use glam::{DVec3, UVec2, Vec3, uvec2, vec3};
-use std::collections::HashSet;
+use glam::{DVec3, DVec4, UVec2, Vec3, uvec2, vec3};
 use luxel::{
-    patches::Patches,
+    atlas::Coverage,
+    patches::{Footprint, Patches},
     progress::Silent,
     scene::World,
     trace::Tracer,
     transport::{self, FormFactors, Transport},
 };
+use std::collections::HashSet;
 
 const RAYS: u32 = 1024;
 /// What closed forms may be off: texels are in single precision.
@@ -115,6 +116,18 @@ fn of_emitters(shot: &Shot) -> impl Fn(DVec3, DVec3) -> (f64, f64) + use<> {
     }
 }
 
+/// The middle of a texel, next to which its hemicube stands.
+fn middle(world: &World, coverage: &Coverage, texel: usize) -> DVec3 {
+    let mut footprint = Footprint::new(world, coverage);
+    footprint.set(texel);
+    let weighed = |[a, b, c]: [Vec3; 3]| {
+        let area = (b - a).cross(c - a).length();
+        ((a + b + c) / 3.0 * area).as_dvec3().extend(f64::from(area))
+    };
+    let sum: DVec4 = footprint.triangles().map(weighed).sum();
+    sum.truncate() / sum.w
+}
+
 /// F of some charts by this case's estimator, and through a bake if that is the default.
 struct Found {
     by_rows: f64,
@@ -138,7 +151,8 @@ impl Found {
         let texels: Vec<usize> = charts.iter().flat_map(|c| shot.texels(*c)).collect();
         let all: f64 = texels.iter().map(|&i| area(i)).sum();
         let mean = |of: &dyn Fn(usize) -> f64| texels.iter().map(|&i| area(i) * of(i)).sum::<f64>() / all;
-        let seen = |i: usize| view(patches.center[i].as_dvec3(), patches.normal[i].as_dvec3());
+        let world = World::new(&shot.scene);
+        let seen = |i: usize| view(middle(&world, &shot.baked.coverage, i), patches.normal[i].as_dvec3());
         let variance = |i: usize| match case.way().form_factors {
             FormFactors::Rays => by_texel[i] * (1.0 - by_texel[i]) / f64::from(RAYS),
             FormFactors::Hemicube { resolution } => exact::aliasing(resolution, seen(i).1).powi(2),

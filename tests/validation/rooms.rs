@@ -56,7 +56,14 @@ fn around(shot: &Shot, charts: &[Chart], p: Vec3, half: f32, of: impl Fn(usize) 
 }
 
 /// Cube of `side` with each face cut about its centre (`half`), in charts of `density`; all charts of each face.
-fn cut_cube(stage: &mut Stage, side: f32, half: f32, density: u32, least: u32, of: impl Fn(Face) -> u32) -> Vec<Vec<Chart>> {
+fn cut_cube(
+    stage: &mut Stage,
+    side: f32,
+    half: f32,
+    density: u32,
+    least: u32,
+    of: impl Fn(Face) -> u32,
+) -> Vec<Vec<Chart>> {
     let cube = Cuboid::room(Vec3::ZERO, Vec3::splat(side));
     let cuts = cuts_about(0.0, side, &[side / 2.0], half);
     let size = |i: usize| cuts[i + 1] - cuts[i];
@@ -85,7 +92,7 @@ pub fn cube_one_emitter(case: &Case) -> Outcome {
     let n = case.along(24);
     let mut stage = Stage::new();
     let (top, other) = (stage.material(rho_top as f32, case.input("E_top")? as f32), stage.material(rho as f32, 0.0));
-    let faces = cut_cube(&mut stage, side, 0.02, n, case.along(8), |f| if f == Face::Top { top } else { other });
+    let faces = cut_cube(&mut stage, side, 0.02, n, case.along(8).max(3), |f| if f == Face::Top { top } else { other });
     let shot = case.shoot(stage, 1024)?;
     let h = |i: usize| grey(shot.baked.irradiance[i]);
     let sides = [&faces[0][..], &faces[1], &faces[4], &faces[5]].concat();
@@ -116,7 +123,7 @@ pub fn point_light_in_cube(case: &Case) -> Outcome {
     let material = stage.material(rho as f32, 0.0);
     stage.light(LightKind::Point { radius: 0.0 }, Vec3::splat(2.0), Vec3::ZERO, candela as f32);
     let density = case.along(12);
-    let faces = cut_cube(&mut stage, side, half, density, case.along(8), |_| material);
+    let faces = cut_cube(&mut stage, side, half, density, case.along(8).max(3), |_| material);
     let shot = case.shoot_with(stage, luxel::bake::Options { content: Content::Indirect, ..options(1024) })?;
     let all = faces.concat();
     let (area, total) = shot.mean(&all);
