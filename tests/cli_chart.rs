@@ -103,6 +103,24 @@ fn systems(chart: &Value) {
 }
 
 #[test]
+fn form_factors_are_held_against_closed_forms() {
+    let folder = Folder::new();
+    let chart = charted(&folder, "--budget 60s --sweep form-factors");
+    let runs = chart["form_factors"]["runs"].as_array().unwrap_or_else(|| panic!("{chart}"));
+    let errors = |name: &str| -> Vec<f64> {
+        let own = runs.iter().filter(|r| r["form_factors"] == name);
+        own.map(|r| r["error"].as_f64().unwrap()).collect()
+    };
+    let (rays, hemicube) = (errors("rays"), errors("hemicube"));
+    // Four times the rays, half the error.
+    for halved in rays.windows(2).map(|e| e[0] / e[1]) {
+        assert!((1.5..2.7).contains(&halved), "{rays:?}");
+    }
+    assert!(hemicube.is_sorted_by(|a, b| a > b), "{hemicube:?}");
+    assert!(written(&folder).contains(&"form_factors.svg".into()));
+}
+
+#[test]
 fn charts_are_whole_pictures() {
     let folder = Folder::new();
     let peers = json!({ "note": "by <hand> & eye", "curves": [{ "name": "Another", "points": [

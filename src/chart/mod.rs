@@ -7,6 +7,7 @@
 pub mod draw;
 mod figures;
 mod fit;
+mod form_factors;
 mod patches;
 mod peers;
 mod point;
@@ -15,6 +16,7 @@ mod sweep;
 mod threads;
 
 pub use figures::figures;
+pub use form_factors::{FactorRun, Factors};
 pub use patches::{Level, Patchwork};
 pub use peers::{Curve, PeerPoint, Peers};
 pub use point::Point;
@@ -98,6 +100,8 @@ pub struct Chart {
     pub points: Vec<Point>,
     /// Solvers on one system, at several reflectances.
     pub solvers: Vec<SolverRun>,
+    /// Form factors by estimator.
+    pub form_factors: Option<Factors>,
     /// Patch sizes.
     pub patches: Option<Patchwork>,
     /// Power of the number of texels with which seconds grow.
@@ -162,6 +166,7 @@ impl Chart {
             truth: truth.report(),
             points: vec![Point::new(&first, &baked, &truth.audit(&baked, base), seconds)],
             solvers: Vec::new(),
+            form_factors: None,
             patches: None,
             scaling: None,
             threads: Vec::new(),
@@ -179,6 +184,9 @@ impl Chart {
             }
             match &trial.effort {
                 Effort::Solvers => chart.solvers = solvers::compare(&bench)?,
+                Effort::FormFactors => {
+                    chart.form_factors = form_factors::measure(&bench, &mut chart.left_out)?;
+                }
                 Effort::Patches => {
                     // Layouts differ, and a lightmap has one only: points of the surface serve all of them.
                     let truth = match &truth {

@@ -74,6 +74,8 @@ pub(super) enum Effort {
     Target(Target),
     /// All solvers on one system.
     Solvers,
+    /// All estimators on one small layout.
+    FormFactors,
     /// All sizes of patches.
     Patches,
     /// All numbers of threads.
@@ -110,6 +112,7 @@ pub(super) fn trials(base: &bake::Options) -> (Trial, Vec<Trial>) {
     all.extend(Quality::ALL.map(|q| target(base, q.name(), Target::typed(Some(q.error()), None))));
     all.extend(ESTIMATORS.map(|form_factors| by_form_factors(base, form_factors)));
     all.push(of_all(base, Sweep::Solvers, "on one system", Effort::Solvers, 2.0));
+    all.push(of_all(base, Sweep::FormFactors, "pairs of texels", Effort::FormFactors, 10.0));
     all.extend(edges(base).map(|edge| at_density(base, edge)));
     all.push(of_all(base, Sweep::Patches, "all sizes", Effort::Patches, 0.5));
     // One thread takes as many times as long as there are threads.
