@@ -1,9 +1,9 @@
 //! [`Transport`]: form factors from receivers to everything they see. Geometry and alpha only: no light, no reflectance.
 //!
 //! A row is measured with rays, unless another of [`FormFactors`] is asked for: the share of a receiver's cosine-distributed
-//! rays that meet patch j is F_ij. Rows are non-negative and sum to at most 1 whatever the noise. The sky is seen as cells of equal solid angle, columns behind
-//! the patches, so that rows relight under any sky. Receivers may be fewer than patches; [`Interpolation`] spreads what
-//! they receive with convex weights.
+//! rays that meet patch j is F_ij. Rows are non-negative and sum to at most 1 whatever the noise. The sky is seen as cells of
+//! equal solid angle, columns behind the patches, so that rows relight under any sky. Receivers may be fewer than patches;
+//! [`Interpolation`] spreads what they receive with convex weights.
 
 mod adaptive;
 mod analytic;
