@@ -208,7 +208,7 @@ fn form_factors(chart: &Chart) -> Option<Figure> {
         subtitle: format!("{}, {} texels, {} threads", chart.scene, count(factors.texels as u64), chart.threads_used),
         panels: vec![Panel {
             title: "between all pairs of texels".into(),
-            x: Axis::log(seconds_label(chart.clock), Unit::Plain),
+            x: Axis::log("seconds", Unit::Plain),
             y: Axis::log("relative error, root mean square", Unit::Percent),
             series: own.filter(|s| !s.points.is_empty()).collect(),
             rules: Vec::new(),

@@ -111,7 +111,7 @@ pub(super) fn trials(base: &bake::Options) -> (Trial, Vec<Trial>) {
     all.extend(RAYS.iter().flat_map(|&rays| every().map(move |way| by_rays(base, rays, way))));
     all.extend(Quality::ALL.map(|q| target(base, q.name(), Target::typed(Some(q.error()), None))));
     all.push(of_all(base, Sweep::Solvers, "on one system", Effort::Solvers, 2.0));
-    all.push(of_all(base, Sweep::FormFactors, "pairs of texels", Effort::FormFactors, 10.0));
+    all.push(of_all(base, Sweep::FormFactors, "pairs of texels", Effort::FormFactors, 3.0));
     all.extend(edges(base).map(|edge| at_density(base, edge)));
     all.push(of_all(base, Sweep::Patches, "all sizes", Effort::Patches, 0.5));
     // One thread takes as many times as long as there are threads.
