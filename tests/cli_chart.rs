@@ -103,6 +103,24 @@ fn systems(chart: &Value) {
 }
 
 #[test]
+fn form_factors_are_held_against_closed_forms() {
+    let folder = Folder::new();
+    let chart = charted(&folder, "--budget 60s --sweep form-factors");
+    let runs = chart["form_factors"]["runs"].as_array().unwrap_or_else(|| panic!("{chart}"));
+    let errors = |name: &str| -> Vec<f64> {
+        let own = runs.iter().filter(|r| r["form_factors"] == name);
+        own.map(|r| r["error"].as_f64().unwrap()).collect()
+    };
+    let (rays, hemicube) = (errors("rays"), errors("hemicube"));
+    // Four times the rays, half the error.
+    for halved in rays.windows(2).map(|e| e[0] / e[1]) {
+        assert!((1.5..2.7).contains(&halved), "{rays:?}");
+    }
+    assert!(hemicube.is_sorted_by(|a, b| a > b), "{hemicube:?}");
+    assert!(written(&folder).contains(&"form_factors.svg".into()));
+}
+
+#[test]
 fn charts_are_whole_pictures() {
     let folder = Folder::new();
     let peers = json!({ "note": "by <hand> & eye", "curves": [{ "name": "Another", "points": [
@@ -165,6 +183,10 @@ fn a_baked_file_may_be_the_truth() {
     let error = |name: &str| points(&chart).iter().find(|p| p["name"] == name).unwrap()["error"].as_f64().unwrap();
     // The same rays, but that shadow rays are fewer.
     assert!(error("rays, used again, 1024") < 0.2 * error("rays, used once, 4"));
+    // Sizes of patches have layouts of their own: they are held against an audit in any case.
+    let chart = charted(&folder, "--budget 20s --sweep patches --truth 32.glb");
+    assert!(chart["patches"]["levels"].as_array().is_some_and(|l| l.len() == 2), "{}", chart["patches"]);
+    assert!(chart["patches"]["points"].as_u64().is_some_and(|n| n > 50), "{}", chart["patches"]);
     let other = Folder::new();
     std::fs::copy(folder.path("64.glb"), other.path("64.glb")).unwrap();
     let said = self::chart(&other, "--budget 1s --truth 64.glb");

@@ -5,7 +5,7 @@ use crate::{
     atlas::{self, Atlas, Coverage, Density, NO_CHART},
     error::{Error, Result},
     lightmaps::jump_across_seams,
-    memory,
+    memory::{self, REMEDY},
     progress::Observer,
     report::{FormFactorReport, NodeReport, PageReport, RayReport, ReflectanceReport, Report, SCHEMA, SceneCounts},
     scene::{Primitive, Scene, Texture},
@@ -22,9 +22,6 @@ const BYTES_A_STORED_TRIANGLE: u64 = 300;
 const BYTES_A_PIXEL: u64 = 40;
 /// For a texel that reads receivers.
 const BYTES_OF_WEIGHTS: u64 = 40;
-
-/// What to change when memory does not suffice.
-const REMEDY: &str = "lower --resolution or --texels-per-meter, or --rays";
 
 /// Refuses a scene or an atlas, to be or made, that would not fit before anything large is made of it.
 pub(super) fn refuse(scene: &Scene, options: &Options, atlas: Option<&Atlas>) -> Result<()> {

@@ -1,13 +1,14 @@
 //! The charts: which numbers are drawn how.
 
 use super::{
-    Chart, Clock, Point, Reflectance, Sweep,
+    Chart, Clock, FactorRun, Point, Reflectance, Sweep,
     draw::{Axis, Datum, Figure, Line, Mark, Paint, Panel, Rule, Series, Unit},
     fit,
 };
 use crate::{
     lightmaps::Reading,
     radiosity::{Solver, TOLERANCE},
+    transport::FormFactors,
 };
 
 /// Colours that those who see few of them can tell apart (Okabe and Ito).
@@ -36,6 +37,7 @@ pub fn figures(chart: &Chart) -> Vec<(&'static str, Figure)> {
     [
         ("error", error(chart)),
         ("solvers", solvers(chart)),
+        ("form_factors", form_factors(chart)),
         ("texels", texels(chart)),
         ("patches", patches(chart)),
         ("threads", threads(chart)),
@@ -193,6 +195,33 @@ fn solvers(chart: &Chart) -> Option<Figure> {
     })
 }
 
+/// Errors of form factors against seconds.
+fn form_factors(chart: &Chart) -> Option<Figure> {
+    let factors = chart.form_factors.as_ref()?;
+    let own = FormFactors::ALL.into_iter().zip(STYLES).map(|(form_factors, (paint, mark))| {
+        let runs = factors.runs.iter().filter(|r| r.form_factors == form_factors.name());
+        let datum = |r: &FactorRun| Datum { x: r.seconds, y: r.error, interval: None, label: r.effort.to_string() };
+        Series { name: form_factors.name().into(), paint, mark, line: Line::Solid, points: runs.map(datum).collect() }
+    });
+    Some(Figure {
+        title: "Form factors: error against seconds".into(),
+        subtitle: format!("{}, {} texels, {} threads", chart.scene, count(factors.texels as u64), chart.threads_used),
+        panels: vec![Panel {
+            title: "between all pairs of texels".into(),
+            x: Axis::log("seconds", Unit::Plain),
+            y: Axis::log("relative error, root mean square", Unit::Percent),
+            series: own.filter(|s| !s.points.is_empty()).collect(),
+            rules: Vec::new(),
+        }],
+        columns: 1,
+        panel: [560.0, 360.0],
+        notes: vec![format!(
+            "Against closed forms, which took {:.1} s. Numbers: rays a row, pixels of a hemicube's edge.",
+            factors.seconds
+        )],
+    })
+}
+
 /// Seconds against texels.
 fn texels(chart: &Chart) -> Option<Figure> {
     let sizes = fit::sizes(&chart.points);
@@ -264,8 +293,8 @@ fn patches(chart: &Chart) -> Option<Figure> {
         columns: 1,
         panel: [560.0, 360.0],
         notes: vec![format!(
-            "Against {}; 95 % intervals. Numbers: edge of the page. {} rays a patch, fewer for more than 2^26 in all. Powers: over all that can be told from noise.",
-            truth(chart),
+            "Against an audit at {} points; 95 % intervals. Numbers: edge of the page. {} rays a patch, fewer for more than 2^26 in all. Powers: over all that can be told from noise.",
+            count(patches.points as u64),
             patches.levels[0].rays
         )],
     })

@@ -1,12 +1,13 @@
 //! [`Chart`]: speed against accuracy on any scene, measured and drawn.
 //!
 //! Every point is a whole bake. Its error is that at the same points of one long audit ([`Truth`]), so that what is common
-//! to all of them cancels; or that against a lightmap which the user takes for the truth. Sweeps run in the order of their
+//! to all of them cancels; or that against a lightmap which the user takes for the truth, but for sizes of patches. Sweeps run in the order of their
 //! worth until a budget of time is used up; what did not fit is named.
 
 pub mod draw;
 mod figures;
 mod fit;
+mod form_factors;
 mod patches;
 mod peers;
 mod point;
@@ -15,6 +16,7 @@ mod sweep;
 mod threads;
 
 pub use figures::figures;
+pub use form_factors::{FactorRun, Factors};
 pub use patches::{Level, Patchwork};
 pub use peers::{Curve, PeerPoint, Peers};
 pub use point::Point;
@@ -98,6 +100,8 @@ pub struct Chart {
     pub points: Vec<Point>,
     /// Solvers on one system, at several reflectances.
     pub solvers: Vec<SolverRun>,
+    /// Form factors by estimator.
+    pub form_factors: Option<Factors>,
     /// Patch sizes.
     pub patches: Option<Patchwork>,
     /// Power of the number of texels with which seconds grow.
@@ -162,6 +166,7 @@ impl Chart {
             truth: truth.report(),
             points: vec![Point::new(&first, &baked, &truth.audit(&baked, base), seconds)],
             solvers: Vec::new(),
+            form_factors: None,
             patches: None,
             scaling: None,
             threads: Vec::new(),
@@ -179,14 +184,17 @@ impl Chart {
             }
             match &trial.effort {
                 Effort::Solvers => chart.solvers = solvers::compare(&bench)?,
-                Effort::Patches => match &truth {
-                    Against::Audit { truth, .. } => {
-                        chart.patches = Some(patches::measure(&bench, truth, &mut chart.left_out)?);
-                    }
-                    Against::Given(_) => {
-                        chart.left_out.push(trial.left_out(Some("they are held against an audit, not --truth".into())));
-                    }
-                },
+                Effort::FormFactors => {
+                    chart.form_factors = form_factors::measure(&bench, &mut chart.left_out)?;
+                }
+                Effort::Patches => {
+                    // Layouts differ, and a lightmap has one only: points of the surface serve all of them.
+                    let truth = match &truth {
+                        Against::Audit { truth, .. } => truth,
+                        Against::Given(_) => &bench.audited(&bake::bake(scene, base, &Quiet(observer))?)?,
+                    };
+                    chart.patches = Some(patches::measure(&bench, truth, &mut chart.left_out)?);
+                }
                 Effort::Threads => chart.threads = threads::measure(&bench)?,
                 Effort::Bake | Effort::Target(_) => match bench.point(trial, &truth) {
                     Ok(Some(point)) => {
@@ -254,11 +262,16 @@ impl Bench<'_> {
             return Ok(Against::Given(given));
         }
         let start = Instant::now();
+        let truth = self.audited(baked)?;
+        Ok(Against::Audit { truth, seconds: start.elapsed().as_secs_f64() })
+    }
+
+    /// A long audit.
+    fn audited(&self, baked: &Baked) -> Result<Truth> {
         let time = self.options.budget.mul_f64(TRUTH).clamp(LEAST, MOST);
         let options = audit::Options { budget: Budget::Time(time), ..audit::Options::default() };
         self.observer.plan(&format!("truth: an audit of {:.0} s", time.as_secs_f64()));
-        let truth = Truth::of(&subject(baked, &self.options.bake), &options, &Quiet(self.observer))?;
-        Ok(Against::Audit { truth, seconds: start.elapsed().as_secs_f64() })
+        Truth::of(&subject(baked, &self.options.bake), &options, &Quiet(self.observer))
     }
 
     /// A bake and its error; none if it ran into the end of the budget.

@@ -14,6 +14,8 @@ use serde::Serialize;
 /// All sizes, and the power of the edge with which errors fall.
 #[derive(Clone, Debug, Serialize)]
 pub struct Patchwork {
+    /// Points of the audit that they are held against.
+    pub points: usize,
     /// From coarse to fine.
     pub levels: Vec<Level>,
     /// By reading: power of the patches' edge with which the error falls, over all levels whose error can be told from noise.
@@ -78,7 +80,7 @@ pub(super) fn measure(bench: &Bench, truth: &Truth, left_out: &mut Vec<LeftOut>)
         });
     }
     let order = Reading::ALL.iter().enumerate().map(|(i, r)| (r.name(), order(&levels, i))).collect();
-    Ok(Patchwork { levels, order })
+    Ok(Patchwork { points: truth.points(), levels, order })
 }
 
 fn missing(edge: u32, refused: Option<String>) -> LeftOut {

@@ -74,6 +74,8 @@ pub(super) enum Effort {
     Target(Target),
     /// All solvers on one system.
     Solvers,
+    /// All estimators on one small layout.
+    FormFactors,
     /// All sizes of patches.
     Patches,
     /// All numbers of threads.
@@ -108,14 +110,15 @@ pub(super) fn trials(base: &bake::Options) -> (Trial, Vec<Trial>) {
     let every = || 0..ways(1).len();
     all.extend(RAYS.iter().flat_map(|&rays| every().map(move |way| by_rays(base, rays, way))));
     all.extend(Quality::ALL.map(|q| target(base, q.name(), Target::typed(Some(q.error()), None))));
-    all.extend(ESTIMATORS.map(|form_factors| by_form_factors(base, form_factors)));
     all.push(of_all(base, Sweep::Solvers, "on one system", Effort::Solvers, 2.0));
+    all.push(of_all(base, Sweep::FormFactors, "pairs of texels", Effort::FormFactors, 3.0));
     all.extend(edges(base).map(|edge| at_density(base, edge)));
     all.push(of_all(base, Sweep::Patches, "all sizes", Effort::Patches, 0.5));
     // One thread takes as many times as long as there are threads.
     let threads = 2.0 * rayon::current_num_threads() as f64;
     all.push(of_all(base, Sweep::Threads, "all numbers", Effort::Threads, threads));
     all.extend(MORE_RAYS.iter().flat_map(|&rays| every().map(move |way| by_rays(base, rays, way))));
+    all.extend(ESTIMATORS.map(|form_factors| by_form_factors(base, form_factors)));
     all.extend(Solver::ALL.into_iter().map(|solver| by_solver(base, solver)));
     all.retain(|trial| trial.name != first.name);
     (first, all)

@@ -29,13 +29,13 @@ pub fn run(args: &args::Bake) -> Result<ExitCode> {
     let options = options(args)?;
     start_threads(args.threads)?;
     let outputs = outputs::resolve(args)?;
-    let reading = gltf::ReadOptions { exclude: args.exclude.clone(), light_scale: args.light_scale };
+    let reading = gltf::ReadOptions { exclude: args.exclude.clone(), light_scale: args.light.light_scale };
     let gltf::Input { document, mut scene, warnings } = gltf::read(&args.input, &reading)?;
     outputs.spare(&document)?;
     gltf::check(&document, &scene, args.keep_uv, &outputs.scene)?;
     let mut said = Warnings::default();
     said.add(warnings);
-    said.add(lights::add(&mut scene, args.sky.as_ref(), args.sun.as_ref())?);
+    said.add(lights::add(&mut scene, args.light.sky.as_ref(), args.light.sun.as_ref())?);
     said.add(units::differ(&scene).into_iter().collect());
     let camera = camera::choose(&scene, args.camera.as_ref())?;
 
@@ -165,7 +165,7 @@ fn options(args: &args::Bake) -> Result<Options> {
     let radiosity = radiosity::Options { solver: args.solver, bounces: args.bounces };
     let (form_factors, rays) = (args.form_factors, args.rays.unwrap_or(transport::Options::default().rays));
     let transport = transport::Options { form_factors, rays, reuse: !args.no_reuse, receivers: args.receivers };
-    let (max_reflectance, content) = (args.max_reflectance, args.content);
+    let (max_reflectance, content) = (args.light.max_reflectance, args.content);
     Ok(Options { atlas, transport, max_reflectance, radiosity, content, ..Options::default() })
 }
 
@@ -224,10 +224,10 @@ struct Told<'a> {
 /// The options that an audit of the lit file has to know.
 fn light(args: &args::Bake) -> LightReport {
     LightReport {
-        sky: args.sky.as_ref().map(ToString::to_string),
-        sun: args.sun.as_ref().map(ToString::to_string),
-        light_scale: args.light_scale,
-        max_reflectance: args.max_reflectance,
+        sky: args.light.sky.as_ref().map(ToString::to_string),
+        sun: args.light.sun.as_ref().map(ToString::to_string),
+        light_scale: args.light.light_scale,
+        max_reflectance: args.light.max_reflectance,
         exclude: args.exclude.clone(),
     }
 }

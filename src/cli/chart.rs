@@ -30,11 +30,11 @@ pub fn run(args: &args::Chart) -> Result<ExitCode> {
     let folder = Folder::check(&args.output, "chart.json")?;
     let peers = args.peers.as_deref().map(peers).transpose()?;
     let mut said = Warnings::default();
-    let reading = gltf::ReadOptions { exclude: args.exclude.clone(), light_scale: args.light_scale };
+    let reading = gltf::ReadOptions { exclude: args.exclude.clone(), light_scale: args.light.light_scale };
     let gltf::Input { mut scene, document, warnings } = gltf::read(&args.input, &reading)?;
     gltf::check(&document, &scene, args.keep_uv, &args.input)?;
     said.add(warnings);
-    said.add(lights::add(&mut scene, args.sky.as_ref(), args.sun.as_ref())?);
+    said.add(lights::add(&mut scene, args.light.sky.as_ref(), args.light.sun.as_ref())?);
     let observer = Progress::new(args.quiet);
     let chart = Chart::measure(&scene, &options, &observer);
     observer.finish();
@@ -57,7 +57,7 @@ fn options(args: &args::Chart) -> Result<chart::Options> {
     atlas.check()?;
     let sweeps = if args.sweep.is_empty() { Sweep::ALL.to_vec() } else { args.sweep.clone() };
     Ok(chart::Options {
-        bake: bake::Options { atlas, max_reflectance: args.max_reflectance, ..bake::Options::default() },
+        bake: bake::Options { atlas, max_reflectance: args.light.max_reflectance, ..bake::Options::default() },
         budget: args.budget,
         clock: if args.processor_time { Clock::Processor } else { Clock::Wall },
         sweeps,
@@ -68,7 +68,7 @@ fn options(args: &args::Chart) -> Result<chart::Options> {
 /// A baked file that is taken for the truth.
 fn given(file: &Path, args: &args::Chart) -> Result<Given> {
     let document = gltf::open(file)?;
-    let reading = gltf::ReadOptions { exclude: args.exclude.clone(), light_scale: args.light_scale };
+    let reading = gltf::ReadOptions { exclude: args.exclude.clone(), light_scale: args.light.light_scale };
     let gltf::Input { document, scene, .. } = gltf::read_scene(document, &reading)?;
     let gltf::Bound { atlas, lightmaps } = gltf::bound(&document, &scene)?;
     let coverage = Coverage::new(&World::new(&scene), &atlas);

@@ -43,7 +43,7 @@ pub fn resolve(options: &Bake) -> Result<Outputs> {
     let outputs =
         Outputs { scene, preview: options.preview.clone(), flat: options.flat.clone(), report, report_on_stdout };
     let mut inputs = vec![place(input)?];
-    if let Some(SkyWish::Picture(file, ..)) = &options.sky {
+    if let Some(SkyWish::Picture(file, ..)) = &options.light.sky {
         inputs.extend(file.canonicalize());
     }
     let scene = place(&outputs.scene)?;

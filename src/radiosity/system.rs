@@ -14,7 +14,8 @@ pub struct System<'t> {
     /// M of each patch, then the exitance of each cell of the sky.
     emission: Vec<Vec3>,
     pub(super) reflectance: &'t [Vec3],
-    pub(super) area: &'t [f32],
+    /// Of the open part of each patch, which alone sends light on.
+    pub(super) area: Vec<f64>,
     /// S of each patch; empty: none.
     sampled: &'t [Vec3],
     /// B of each receiver; empty: none.
@@ -40,7 +41,7 @@ impl<'t> System<'t> {
             transport,
             emission: (0..patches.len()).map(exitance).chain(sky.iter().copied()).collect(),
             reflectance: &patches.reflectance,
-            area: &patches.area,
+            area: patches.area.iter().zip(&patches.validity).map(|(a, open)| f64::from(a * open)).collect(),
             sampled: &direct.bounce.exitance,
             extra: extra.copied().collect(),
             direct: (0..patches.len()).map(|i| direct.total(i)).collect(),
@@ -94,7 +95,7 @@ impl<'t> System<'t> {
 
     /// Power (W) that patch `p` reflects of an irradiance of 1.
     pub(super) fn power(&self, p: usize) -> DVec3 {
-        self.reflectance[p].as_dvec3() * f64::from(self.area[p])
+        self.reflectance[p].as_dvec3() * self.area[p]
     }
 
     /// What rows carry of the radiosity of every column: M + rho (D + P I) - S of patches, then the sky's exitance.

@@ -123,9 +123,13 @@ impl Hemicube<'_> {
         let places = self.table.block(receiver.at.x, receiver.at.y, 0).iter().map(|p| p.place);
         let mut points: Vec<SurfacePoint> = places.map(|place| receiver.surface(place)).collect();
         let middle = points.iter().map(|p| p.position).sum::<Vec3>() / PLACES as f32;
-        // The middle of the unit square is that of a square texel, but may lie at the border of one of several pieces.
-        points.push(receiver.surface(Vec2::splat(0.5)));
         let far = |p: &SurfacePoint| p.position.distance_squared(middle);
+        // The middle of the unit square is that of a square texel, but may lie at the border of one of several pieces, where
+        // it may look past what encloses all of them.
+        let whole = receiver.surface(Vec2::splat(0.5));
+        if points.iter().all(|p| far(&whole) < far(p)) {
+            points.push(whole);
+        }
         points.sort_by(|a, b| far(a).total_cmp(&far(b)));
         let mut view = self.view(receiver, &points[0], &mut done.stats);
         let (mut validity, mut buried) = (1.0, false);

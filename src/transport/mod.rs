@@ -1,9 +1,9 @@
 //! [`Transport`]: form factors from receivers to everything they see. Geometry and alpha only: no light, no reflectance.
 //!
 //! A row is measured with rays, unless another of [`FormFactors`] is asked for: the share of a receiver's cosine-distributed
-//! rays that meet patch j is F_ij. Rows are non-negative and sum to at most 1 whatever the noise. The sky is seen as cells of equal solid angle, columns behind
-//! the patches, so that rows relight under any sky. Receivers may be fewer than patches; [`Interpolation`] spreads what
-//! they receive with convex weights.
+//! rays that meet patch j is F_ij. Rows are non-negative and sum to at most 1 whatever the noise. The sky is seen as cells of
+//! equal solid angle, columns behind the patches, so that rows relight under any sky. Receivers may be fewer than patches;
+//! [`Interpolation`] spreads what they receive with convex weights.
 
 mod adaptive;
 mod analytic;
@@ -123,8 +123,6 @@ impl Options {
     }
 }
 
-/// What to change when memory does not suffice.
-const REMEDY: &str = "lower --rays, --resolution or --texels-per-meter";
 /// Rays of a row, and of all rows, that neighbours use.
 const SHARED: u32 = 64;
 const SHARED_IN_ALL: u64 = 1 << 26;
@@ -227,7 +225,7 @@ impl Transport {
             Receivers::Auto => {
                 let chosen = adaptive::choose(tracer, coverage, options.rays, observer)?;
                 // Until now nobody knew how many there are.
-                memory::fits(options.bytes_of_rows(chosen.texels.len()) >> 20, memory::free_mb(), REMEDY)?;
+                memory::fits(options.bytes_of_rows(chosen.texels.len()) >> 20, memory::free_mb(), memory::REMEDY)?;
                 (chosen.texels, chosen.strides, chosen.interpolation)
             }
         };

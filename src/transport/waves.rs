@@ -2,7 +2,7 @@
 //! that shoot.
 
 use super::{
-    Eye, Options, REMEDY, Stats,
+    Eye, Options, Stats,
     draft::Draft,
     receiver::Receiver,
     rows::{BLOCK, Block, Rows},
@@ -102,7 +102,7 @@ pub(super) fn measure(
         back = true;
         if !wave.is_empty() {
             // Nobody knew how many backs would be met.
-            memory::fits(options.bytes_of_entries(wave.len(), patches.len()) >> 20, memory::free_mb(), REMEDY)?;
+            memory::fits(options.bytes_of_entries(wave.len(), patches.len()) >> 20, memory::free_mb(), memory::REMEDY)?;
             observer.begin("transport: backs", wave.len() as u64);
         }
     }

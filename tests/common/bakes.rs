@@ -65,14 +65,8 @@ pub fn shoot_with(stage: Stage, options: Options) -> Shot {
 }
 
 /// The same, or why it is refused.
-pub fn try_shoot(mut stage: Stage, mut options: Options) -> Result<Shot> {
-    let (edge, corners) = stage.lay_out();
-    options.atlas = atlas::Options { unwrap: Unwrap::Keep, density: Density::Resolution(edge), page_size: 8192 };
-    let Stage { scene, sizes, .. } = stage;
-    let baked = try_parts(&scene, &options)?;
-    assert_eq!(baked.lightmaps.pages.len(), 1, "disjoint charts are one page's layout");
-    assert_eq!(baked.atlas.pages[0].size, UVec2::splat(edge), "the page is exactly the resolution");
-    Ok(Shot { baked, scene, corners, sizes })
+pub fn try_shoot(stage: Stage, options: Options) -> Result<Shot> {
+    Shot::of(stage, options, try_parts)
 }
 
 /// Bakes a scene with the default unwrapper on one page of `edge` texels.
@@ -89,6 +83,21 @@ pub fn grey(e: Vec3) -> f64 {
 }
 
 impl Shot {
+    /// A stage on its own charts, by whatever makes parts of a scene.
+    pub fn of(
+        mut stage: Stage,
+        mut options: Options,
+        make: impl Fn(&Scene, &Options) -> Result<Parts>,
+    ) -> Result<Self> {
+        let (edge, corners) = stage.lay_out();
+        options.atlas = atlas::Options { unwrap: Unwrap::Keep, density: Density::Resolution(edge), page_size: 8192 };
+        let Stage { scene, sizes, .. } = stage;
+        let baked = make(&scene, &options)?;
+        assert_eq!(baked.lightmaps.pages.len(), 1, "disjoint charts are one page's layout");
+        assert_eq!(baked.atlas.pages[0].size, UVec2::splat(edge), "the page is exactly the resolution");
+        Ok(Shot { baked, scene, corners, sizes })
+    }
+
     /// Patches of a chart, row by row; `None` where nothing covers the texel.
     pub fn rows(&self, chart: Chart) -> Vec<Vec<Option<usize>>> {
         let (grid, width) = (&self.baked.coverage.grids[0], self.baked.atlas.pages[0].size.x);

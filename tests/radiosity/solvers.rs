@@ -139,6 +139,19 @@ fn conjugate_gradients_live_with_asymmetric_rows() {
     }
 }
 
+/// Rows of sixteen rays are symmetric enough once they are scaled, whatever the reflectance.
+#[test]
+fn conjugate_gradients_live_with_rows_of_rays() {
+    for rays in [16, 64] {
+        let mut parts = closed(rays);
+        for (rho, one) in [(0.5, 0.5), (0.9, 0.9), (0.99, 0.99), (0.5, 0.99)] {
+            paint(&mut parts, rho, one);
+            let report = solve(&parts.system(), Solver::ConjugateGradient, TOLERANCE).report;
+            assert!(report.converged && report.fallback.is_none(), "{rays} rays, {rho} and {one}: {report:?}");
+        }
+    }
+}
+
 /// Rows that have nothing symmetric: the bound is still that of the true system, and the report names who came to it.
 #[test]
 fn conjugate_gradients_tell_where_rows_are_too_noisy() {

@@ -1,4 +1,4 @@
-//! Scenes on which bakers are known to fail (`failure_scenes` of tests/data/validation.json), each as small as it gets.
+//! Scenes on which bakers are known to fail (`failure_scenes` of tests/data/validation.json).
 //!
 //! `table` runs them over all estimators and solvers, and holds its outcome against the table in tests/README.md;
 //! `asymmetric_matrix_cg` is a bare system, in tests/radiosity. The others look closer at the default: receivers' own rays
@@ -7,6 +7,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod light;
+mod rows;
 mod scenes;
 mod solvers;
 mod table;

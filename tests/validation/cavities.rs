@@ -1,4 +1,6 @@
-//! Bowls and wedges under the sky or the sun: the scattered light is the same everywhere.
+//! Bowls and wedges under the sky or the sun: the scattered light is the same everywhere. The sky's
+//! outline is no longer than a great circle; that of a bowl's opening, which covers 1 - f of the projected hemisphere, than
+//! twice that of a disc that does.
 
 use crate::common::{
     bakes::{grey, options, spread},
@@ -12,6 +14,7 @@ use luxel::{
     scene::{LightKind, Sky},
 };
 use std::f32::consts::PI;
+use std::f64::consts::TAU;
 
 /// Uniform sky of radiance 1 through the opening.
 ///
@@ -20,7 +23,7 @@ use std::f32::consts::PI;
 pub fn sphere_cavity_sky(case: &Case) -> Outcome {
     let (f, rho) = (case.input("f")?, case.input("rho")?);
     let rays = 2048;
-    let bowl = Ball::bowl(f, uvec2(64, 32), 1);
+    let bowl = Ball::bowl(f, uvec2(case.facets(64), case.facets(32)), 1);
     let mut stage = Stage::new();
     stage.scene.sky = Sky::Uniform(Vec3::ONE);
     let material = stage.material(rho as f32, 0.0);
@@ -31,7 +34,7 @@ pub fn sphere_cavity_sky(case: &Case) -> Outcome {
     let (area_mean, _) = (shot.mean(&[chart]).1.x / f64::from(PI), 0);
     let law = |f: f64| (1.0 - f) / (1.0 - rho * f);
     // A row sees the opening with share 1 - f, which is worth 1 - rho H; the mean's errors are scattered on.
-    let texel = (1.0 - rho * law(f)) * libm::sqrt(f * (1.0 - f) / f64::from(rays));
+    let texel = (1.0 - rho * law(f)) * case.share(f, rays, TAU.min(2.0 * TAU * libm::sqrt(1.0 - f)));
     let sigma = texel / libm::sqrt(h.len() as f64) / (1.0 - rho * f);
     let shape = (law(own) - law(f)).abs();
     let expected = case.expects("H_over_piL")?;
@@ -51,7 +54,7 @@ pub fn sphere_cavity_sky(case: &Case) -> Outcome {
 pub fn crater_sun(case: &Case) -> Outcome {
     let f = 1.0 / (1.0 + (case.input("diameter_to_depth")? / 2.0) * (case.input("diameter_to_depth")? / 2.0));
     let (rho, elevation) = (case.input("rho")?, case.input("sun_elevation_deg")?.to_radians());
-    let bowl = Ball::bowl(f, uvec2(96, 24), 1);
+    let bowl = Ball::bowl(f, uvec2(case.facets(96), case.facets(24)), 1);
     let mut stage = Stage::new();
     let material = stage.material(rho as f32, 0.0);
     let sun = vec3(libm::cos(elevation) as f32, -libm::sin(elevation) as f32, 0.0);
@@ -67,7 +70,8 @@ pub fn crater_sun(case: &Case) -> Outcome {
     let key = "H_scattered_everywhere_incl_shadow";
     let expected = case.expects(key)?;
     // The sources are the sunlit texels: a row sees them with a share between 0 and f, each worth at most rho S.
-    let texel = rho * f64::from(strength) * libm::sqrt(f * (1.0 - f) / 1024.0) / 2.0;
+    // Between them and the rest run the rim and the shadow's border.
+    let texel = rho * f64::from(strength) * case.share(f, 1024, 2.0 * TAU) / 2.0;
     let pointwise = bowl.facet() * bowl.facet() / 2.0 * expected;
     let errors: Vec<f64> = h.iter().map(|h| (h - expected) / (texel + pointwise)).collect();
     let sigma = texel / libm::sqrt(h.len() as f64) / (1.0 - rho * f);
@@ -103,7 +107,8 @@ pub fn infinite_wedge_sky(case: &Case) -> Outcome {
                 let (s, t) = ((away * (x[1] - x[0])).as_vec3(), vec3(0.0, (y[1] - y[0]) as f32, 0.0));
                 let (s, t) = if wall { (t, s) } else { (s, t) };
                 let near = x[0] == 0.0 && y[0] == -1.0;
-                let chart = rectangle(&mut stage, material, [o, s, t], UVec2::splat(if near { 24 } else { 8 }));
+                let n = case.facets(if near { 24 } else { 8 });
+                let chart = rectangle(&mut stage, material, [o, s, t], UVec2::splat(n));
                 read.extend(near.then_some(chart));
             }
         }
@@ -112,7 +117,7 @@ pub fn infinite_wedge_sky(case: &Case) -> Outcome {
     let texels: Vec<f64> = read.iter().flat_map(|c| shot.values(*c)).map(|e| grey(e / PI)).collect();
     let expected = case.expects("H_over_piL")?;
     let f = (1.0 + libm::cos(angle)) / 2.0;
-    let texel = (1.0 - rho * expected) * libm::sqrt(f * (1.0 - f) / 2048.0);
+    let texel = (1.0 - rho * expected) * case.share(f, 2048, TAU);
     let sigma = texel / libm::sqrt(texels.len() as f64) / (1.0 - rho * f);
     let errors: Vec<f64> = texels.iter().map(|h| (h - expected) / (texel + 1e-3 * expected)).collect();
     let (mean, sd) = spread(&texels);

@@ -47,7 +47,7 @@ pub fn cornell_no_boxes(case: &Case) -> Outcome {
                 expected,
                 tolerance,
                 sigma,
-                shape: expected / (32.0 * 32.0) + case.pixels(expected),
+                shape: expected / (32.0 * 32.0) + case.one_point(expected, 32),
             });
             let sigma = libm::hypot(noise[k] / 4.0, se_cell * want[k] / want[0]);
             for (v, row) in face["cells"].as_array().ok_or("no cells")?.iter().enumerate() {

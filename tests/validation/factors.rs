@@ -2,7 +2,8 @@
 //! share of 1's rows that ends on 2, and the mean of E over 1.
 //!
 //! Receivers have about 1024 texels of 1024 rays; a mean of texels is exact, so texel size costs nothing but hemicubes.
-//! Those have 256, closed forms, which look at every pair, 64.
+//! Those have 256, closed forms, which look at every pair, 64. What a hemicube may be off is known in closed form, too: its
+//! one point for a texel, and the pixels that the outline of the emitter crosses ([`exact::aliasing`]).
 
 use crate::common::{
     bakes::{Shot, grey, shoot},
@@ -12,15 +13,16 @@ use crate::common::{
     ways::Way,
 };
 use crate::{Case, Check, Outcome, Problem, numbers, vectors};
-use glam::{DVec3, UVec2, Vec3, uvec2, vec3};
+use glam::{DVec3, DVec4, UVec2, Vec3, uvec2, vec3};
 use luxel::{
-    patches::Patches,
+    atlas::Coverage,
+    patches::{Footprint, Patches},
     progress::Silent,
     scene::World,
     trace::Tracer,
     transport::{self, FormFactors, Transport},
 };
-use std::f64::consts::PI;
+use std::collections::HashSet;
 
 const RAYS: u32 = 1024;
 /// What closed forms may be off: texels are in single precision.
@@ -50,18 +52,9 @@ pub fn share(shot: &Shot, charts: &[Chart], rays: u32) -> (f64, f64) {
     (mean.x, libm::sqrt(counted.min(shown)))
 }
 
-/// Texels along a square: `side` for rays, fewer where rows take longer.
-fn along(case: &Case, side: u32) -> u32 {
-    match case.way.form_factors {
-        FormFactors::Rays => side,
-        FormFactors::Hemicube { .. } => side / 2,
-        FormFactors::Analytic => side / 4,
-    }
-}
-
 /// About 1024 texels for a rectangle.
 fn texels(case: &Case, a: f64, b: f64) -> UVec2 {
-    let density = f64::from(along(case, 32)) / libm::sqrt(a * b);
+    let density = f64::from(case.along(32)) / libm::sqrt(a * b);
     uvec2((a * density).round().max(4.0) as u32, (b * density).round().max(4.0) as u32)
 }
 
@@ -81,7 +74,7 @@ fn between(case: &Case, one: [Vec3; 3], two: [Vec3; 3]) -> Outcome {
 fn finish(case: &Case, stage: Stage, receiver: Chart, shape: f64) -> Outcome {
     let shot = seen(case, stage);
     let mut checks = Found::new(case, &shot, &[receiver])?.checks(case, "", 1.0, shape)?;
-    if case.way == Way::default() && shape == 0.0 {
+    if case.way() == Way::default() && shape == 0.0 {
         checks.push(texel_by_texel(&shot, receiver)?);
     }
     Ok(checks)
@@ -98,41 +91,87 @@ fn texel_by_texel(shot: &Shot, chart: Chart) -> Result<Check, Problem> {
 
 /// A bake by the default; by others only its texels count.
 fn seen(case: &Case, stage: Stage) -> Shot {
-    shoot(stage, if case.way == Way::default() { RAYS } else { 1 })
+    shoot(stage, if case.way() == Way::default() { RAYS } else { 1 })
+}
+
+/// What a point sees of what emits: the form factor, and the [`exact::outline`].
+type View<'a> = &'a dyn Fn(DVec3, DVec3) -> (f64, f64);
+
+/// The view of convex emitters that nothing hides.
+fn of_emitters(shot: &Shot) -> impl Fn(DVec3, DVec3) -> (f64, f64) + use<> {
+    let emits = |material: u32| shot.scene.materials[material as usize].emission != Vec3::ZERO;
+    let meshes = shot.scene.meshes.iter().filter(|mesh| emits(mesh.primitives[0].material));
+    let corners = meshes.flat_map(|m| m.triangles.iter().map(|t| t.map(|v| m.positions[v as usize].as_dvec3())));
+    let triangles: Vec<[DVec3; 3]> = corners.collect();
+    move |p, normal| {
+        let faces = |t: &&[DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).dot(p - t[0]) > 0.0;
+        let seen: Vec<&[DVec3; 3]> = triangles.iter().filter(faces).collect();
+        let key = |[a, b]: [DVec3; 2]| [a.to_array(), b.to_array()].map(|c| c.map(f64::to_bits));
+        let edges = || seen.iter().flat_map(|[a, b, c]| [[*a, *b], [*b, *c], [*c, *a]]);
+        let all: HashSet<_> = edges().map(key).collect();
+        // Of an edge that is run through both ways, both sides emit.
+        let outline: Vec<_> = edges().filter(|[a, b]| !all.contains(&key([*b, *a]))).collect();
+        let factor = seen.iter().map(|t| exact::element_to_polygon(p, normal, *t)).sum();
+        (factor, exact::outline(p, normal, &outline))
+    }
+}
+
+/// The middle of a texel, next to which its hemicube stands.
+fn middle(world: &World, coverage: &Coverage, texel: usize) -> DVec3 {
+    let mut footprint = Footprint::new(world, coverage);
+    footprint.set(texel);
+    let weighed = |[a, b, c]: [Vec3; 3]| {
+        let area = (b - a).cross(c - a).length();
+        ((a + b + c) / 3.0 * area).as_dvec3().extend(f64::from(area))
+    };
+    let sum: DVec4 = footprint.triangles().map(weighed).sum();
+    sum.truncate() / sum.w
 }
 
 /// F of some charts by this case's estimator, and through a bake if that is the default.
 struct Found {
     by_rows: f64,
-    /// Standard error by what is counted: rays, or pixels at borders.
+    /// Standard error by what is counted: rays, or pixels that the outline crosses.
     sigma: f64,
+    /// By the points on which hemicubes stand.
+    at_points: Option<f64>,
     /// Value and standard error.
     baked: Option<(f64, f64)>,
 }
 
 impl Found {
     fn new(case: &Case, shot: &Shot, charts: &[Chart]) -> Result<Self, Problem> {
-        let by_texel = rows(shot, case.way.form_factors)?;
-        let area = |i: usize| f64::from(shot.baked.patches.area[i]);
-        let texels = || charts.iter().flat_map(|c| shot.texels(*c));
-        let all: f64 = texels().map(area).sum();
-        let variance = |i: usize| match case.way.form_factors {
+        Found::of(case, shot, charts, &of_emitters(shot))
+    }
+
+    fn of(case: &Case, shot: &Shot, charts: &[Chart], view: View) -> Result<Self, Problem> {
+        let by_texel = rows(shot, case.way().form_factors)?;
+        let patches = &shot.baked.patches;
+        let area = |i: usize| f64::from(patches.area[i]);
+        let texels: Vec<usize> = charts.iter().flat_map(|c| shot.texels(*c)).collect();
+        let all: f64 = texels.iter().map(|&i| area(i)).sum();
+        let mean = |of: &dyn Fn(usize) -> f64| texels.iter().map(|&i| area(i) * of(i)).sum::<f64>() / all;
+        let world = World::new(&shot.scene);
+        let seen = |i: usize| view(middle(&world, &shot.baked.coverage, i), patches.normal[i].as_dvec3());
+        let variance = |i: usize| match case.way().form_factors {
             FormFactors::Rays => by_texel[i] * (1.0 - by_texel[i]) / f64::from(RAYS),
-            // Half a pixel at the top, more or less.
-            FormFactors::Hemicube { resolution } => (2.0 / PI / f64::from(resolution * resolution)).powi(2),
+            FormFactors::Hemicube { resolution } => exact::aliasing(resolution, seen(i).1).powi(2),
             FormFactors::Analytic => 0.0,
         };
-        let sigma = libm::sqrt(texels().map(|i| area(i) * area(i) * variance(i)).sum::<f64>()) / all;
-        let by_rows = texels().map(|i| area(i) * by_texel[i]).sum::<f64>() / all;
-        let baked = (case.way == Way::default()).then(|| share(shot, charts, RAYS));
-        Ok(Found { by_rows, sigma, baked })
+        let sigma = libm::sqrt(texels.iter().map(|&i| area(i) * area(i) * variance(i)).sum::<f64>()) / all;
+        let hemicube = matches!(case.way().form_factors, FormFactors::Hemicube { .. });
+        let at_points = hemicube.then(|| mean(&|i| seen(i).0));
+        let baked = (case.way() == Way::default()).then(|| share(shot, charts, RAYS));
+        Ok(Found { by_rows: mean(&|i| by_texel[i]), sigma, at_points, baked })
     }
 
     /// Against expected number `key`, which is `ratio` times F.
     fn checks(&self, case: &Case, key: &str, ratio: f64, shape: f64) -> Outcome {
-        let exact = if case.way.form_factors == FormFactors::Analytic { EXACT } else { 0.0 };
-        let sigma = self.sigma * ratio;
-        let rows = Check { what: "rows".into(), ..case.check(key, self.by_rows * ratio, sigma, shape + exact)? };
+        let exact = if case.way().form_factors == FormFactors::Analytic { EXACT } else { 0.0 };
+        let (sigma, expected) = (self.sigma * ratio, case.expects(key)?);
+        let one_point = self.at_points.map_or(0.0, |f| (ratio * f - expected).abs());
+        let allowed = shape + exact + one_point;
+        let rows = Check { what: "rows".into(), ..case.check(key, self.by_rows * ratio, sigma, allowed)? };
         let mut checks = vec![rows];
         if let Some((got, sigma)) = self.baked {
             checks.push(Check { what: "baked".into(), ..case.check(key, got * ratio, sigma * ratio, shape)? });
@@ -194,8 +233,8 @@ pub fn hinged_rectangles(case: &Case) -> Outcome {
 pub fn coaxial_discs(case: &Case) -> Outcome {
     let (r1, r2, h) = (case.input("r1")?, case.input("r2")?, case.input("h")?);
     let (mut stage, receiver, emitter) = black();
-    let chart = disc(&mut stage, receiver, [Vec3::ZERO, Vec3::X, Vec3::Y], r1, 128, along(case, 36));
-    disc(&mut stage, emitter, [v(0.0, 0.0, h), Vec3::Y, Vec3::X], r2, 128, along(case, 8));
+    let chart = disc(&mut stage, receiver, [Vec3::ZERO, Vec3::X, Vec3::Y], r1, 128, case.along(36));
+    disc(&mut stage, emitter, [v(0.0, 0.0, h), Vec3::Y, Vec3::X], r2, 128, case.along(8));
     finish(case, stage, chart, 4e-4 * case.expects("")?)
 }
 
@@ -213,7 +252,7 @@ pub fn element_to_polygon(case: &Case) -> Outcome {
     let square = [point - s / 2.0 - t / 2.0, s, t];
     let mean = exact::mean_over(square, 32, |p| exact::element_to_polygon(p, normal, &corners));
     let (mut stage, receiver, emitter) = black();
-    let chart = rectangle(&mut stage, receiver, square.map(|p| p.as_vec3()), UVec2::splat(along(case, 32)));
+    let chart = rectangle(&mut stage, receiver, square.map(|p| p.as_vec3()), UVec2::splat(case.along(32)));
     polygon(&mut stage, emitter, &corners.iter().map(|p| p.as_vec3()).collect::<Vec<_>>(), 4);
     finish(case, stage, chart, (mean - exact::element_to_polygon(point, normal, &corners)).abs())
 }
@@ -223,7 +262,7 @@ pub fn element_to_polygon(case: &Case) -> Outcome {
 fn from_ball(case: &Case, radius: f64, build: impl Fn(&mut Stage, u32) -> Chart) -> Outcome {
     let (mut stage, receiver, emitter) = black();
     let chart = build(&mut stage, receiver);
-    let n = if case.way.form_factors == FormFactors::Analytic { 16 } else { 32 };
+    let n = if case.way().form_factors == FormFactors::Analytic { 16 } else { 32 };
     let ball = Ball::whole(Vec3::ZERO, radius, uvec2(2 * n, n), false);
     let source = ball.build(&mut stage, emitter);
     let ratio = stage.area(chart) / stage.area(source);
@@ -242,7 +281,7 @@ pub fn sphere_to_rectangle(case: &Case) -> Outcome {
 pub fn sphere_to_disc(case: &Case) -> Outcome {
     let (r, h) = (case.input("R")?, case.input("h")?);
     from_ball(case, h / 2.0, |stage, receiver| {
-        disc(stage, receiver, [v(0.0, 0.0, h), Vec3::Y, Vec3::X], r, 128, along(case, 36))
+        disc(stage, receiver, [v(0.0, 0.0, h), Vec3::Y, Vec3::X], r, 128, case.along(36))
     })
 }
 
@@ -251,7 +290,7 @@ pub fn cube_interior(case: &Case) -> Outcome {
     let (mut stage, receiver, emitter) = black();
     let room = Cuboid { high: Vec3::splat(side), ..unit_room() };
     let mut face = |f: Face| {
-        let (material, n) = if f == Face::Top { (emitter, EMITTER) } else { (receiver, UVec2::splat(along(case, 24))) };
+        let (material, n) = if f == Face::Top { (emitter, EMITTER) } else { (receiver, UVec2::splat(case.along(24))) };
         room.face(&mut stage, f, material, UVec2::ONE, n)
     };
     let [left, right, bottom, _, back, front] = FACES.map(&mut face);
@@ -271,10 +310,22 @@ pub fn obstructed_squares(case: &Case) -> Outcome {
     rectangle(&mut stage, emitter, [Vec3::Z, Vec3::Y, Vec3::X], EMITTER);
     let blocker = [v(x[0], y[0], z), v(x[1] - x[0], 0.0, 0.0), v(0.0, y[1] - y[0], 0.0)];
     rectangle(&mut stage, receiver, blocker, EMITTER);
-    let sampled = case.way.form_factors == FormFactors::Analytic;
+    let sampled = case.way().form_factors == FormFactors::Analytic;
     let sigma = if sampled { 0.5 / 16.0 * case.expects("")? } else { 0.0 };
     let shot = seen(case, stage);
-    let checks = Found::new(case, &shot, &[chart])?.checks(case, "", 1.0, 0.0)?.into_iter();
+    // The blocker hides a rectangle, where its shadow falls on the emitter.
+    let shadow = |p: DVec3| {
+        let on = |p: f64, edge: f64| (p + (edge - p) / z).clamp(0.0, 1.0);
+        let corner = |i: usize, j: usize| DVec3::new(on(p.x, x[i]), on(p.y, y[j]), 1.0);
+        [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)]
+    };
+    let whole = of_emitters(&shot);
+    let view = |p: DVec3, normal: DVec3| {
+        let (hidden, (factor, outline)) = (shadow(p), whole(p, normal));
+        let edges = [0, 1, 2, 3].map(|k| [hidden[k], hidden[(k + 1) % 4]]);
+        (factor - exact::element_to_polygon(p, normal, &hidden), outline + exact::outline(p, normal, &edges))
+    };
+    let checks = Found::of(case, &shot, &[chart], &view)?.checks(case, "", 1.0, 0.0)?.into_iter();
     Ok(checks.map(|check| Check { sigma: check.sigma + sigma, ..check }).collect())
 }
 

@@ -10,8 +10,8 @@
 //!
 //! Many texels at once: RMS within 3 sigma, the largest within 6.
 //!
-//! Everything runs by every estimator; systems and closed rooms by every solver, too. Hemicubes
-//! cost more than their sampling: [`PIXELS`]. Closed forms refuse scenes that are too large for them, or shaded smoothly.
+//! Everything runs by every estimator; systems and closed rooms by every solver on the rows of each. What hemicubes and
+//! closed forms take long for has fewer texels. Closed forms refuse scenes that are too large for them, or shaded smoothly.
 
 mod cavities;
 mod cornell;
@@ -23,19 +23,20 @@ mod systems;
 mod common;
 
 use common::{
-    bakes::{Shot, options, try_shoot},
+    bakes::{Shot, options},
+    exact,
     stage::Stage,
-    ways::Way,
+    ways::{Runs, Way},
 };
-use luxel::{bake::Options, error::Error, transport::FormFactors};
+use luxel::{bake::Options, error::Error, radiosity::Solver, transport::FormFactors};
 use serde_json::Value;
 
 /// One case, to be built from its family and inputs.
-pub struct Case {
+pub struct Case<'a> {
     inputs: Value,
     expected: Value,
     tolerance: Value,
-    way: Way,
+    runs: &'a Runs,
 }
 
 /// One number of a case, compared.
@@ -79,31 +80,48 @@ type Family = (&'static str, Ways, fn(&Case) -> Outcome);
 
 #[derive(Clone, Copy)]
 enum Ways {
+    /// Every estimator with its default parameters: form factors, which no solver changes.
+    Factors,
     /// Every estimator.
     Estimators,
-    /// Every solver, too.
+    /// Every solver by every estimator.
     All,
     /// One: the family runs every solver itself, and needs no estimator.
     Own,
 }
 
-/// Share of a value that hemicubes may be off beside their sampling: pixels at the borders of what they see, and one point
-/// that stands for its texel.
-const PIXELS: f64 = 2e-2;
+impl Ways {
+    fn each(self) -> (Vec<FormFactors>, Vec<Solver>) {
+        let in_rooms = |f: FormFactors| match f {
+            FormFactors::Hemicube { .. } => FormFactors::Hemicube { resolution: ROOM_PIXELS },
+            other => other,
+        };
+        let (all, default) = (FormFactors::ALL, vec![Solver::default()]);
+        match self {
+            Ways::Factors => (all.to_vec(), default),
+            Ways::Estimators => (all.map(in_rooms).to_vec(), default),
+            Ways::All => (all.map(in_rooms).to_vec(), Solver::ALL.to_vec()),
+            Ways::Own => (vec![FormFactors::default()], default),
+        }
+    }
+}
+
+/// Pixels of hemicubes in rooms: what fewer of them cost shows in neighbouring texels, or is bounded by [`Case::share`].
+const ROOM_PIXELS: u32 = 32;
 
 /// The families of tests/data.
 const FAMILIES: &[Family] = &[
-    ("parallel_equal_rectangles", Ways::Estimators, factors::parallel_equal_rectangles),
-    ("parallel_offset_rectangles", Ways::Estimators, factors::parallel_offset_rectangles),
-    ("perpendicular_rectangles", Ways::Estimators, factors::perpendicular_rectangles),
-    ("perpendicular_common_edge", Ways::Estimators, factors::perpendicular_common_edge),
-    ("hinged_rectangles", Ways::Estimators, factors::hinged_rectangles),
-    ("coaxial_discs", Ways::Estimators, factors::coaxial_discs),
-    ("element_to_polygon", Ways::Estimators, factors::element_to_polygon),
-    ("sphere_to_rectangle", Ways::Estimators, factors::sphere_to_rectangle),
-    ("sphere_to_disc", Ways::Estimators, factors::sphere_to_disc),
-    ("cube_interior", Ways::Estimators, factors::cube_interior),
-    ("obstructed_squares", Ways::Estimators, factors::obstructed_squares),
+    ("parallel_equal_rectangles", Ways::Factors, factors::parallel_equal_rectangles),
+    ("parallel_offset_rectangles", Ways::Factors, factors::parallel_offset_rectangles),
+    ("perpendicular_rectangles", Ways::Factors, factors::perpendicular_rectangles),
+    ("perpendicular_common_edge", Ways::Factors, factors::perpendicular_common_edge),
+    ("hinged_rectangles", Ways::Factors, factors::hinged_rectangles),
+    ("coaxial_discs", Ways::Factors, factors::coaxial_discs),
+    ("element_to_polygon", Ways::Factors, factors::element_to_polygon),
+    ("sphere_to_rectangle", Ways::Factors, factors::sphere_to_rectangle),
+    ("sphere_to_disc", Ways::Factors, factors::sphere_to_disc),
+    ("cube_interior", Ways::Factors, factors::cube_interior),
+    ("obstructed_squares", Ways::Factors, factors::obstructed_squares),
     ("furnace", Ways::All, rooms::furnace),
     ("sphere_cavity_sky", Ways::Estimators, cavities::sphere_cavity_sky),
     ("crater_sun", Ways::Estimators, cavities::crater_sun),
@@ -135,31 +153,31 @@ fn validation() {
             continue;
         };
         ran += 1;
-        let ways = match ways {
-            Ways::Estimators => Way::estimators(),
-            Ways::All => Way::all(),
-            Ways::Own => vec![Way::default()],
-        };
-        for way in ways {
-            let [inputs, expected, tolerance] = ["inputs", "expected", "tolerance"].map(|k| case[k].clone());
-            let line = if way == Way::default() { name.to_string() } else { format!("{name} by {}", way.name()) };
-            let ok = match build(&Case { inputs, expected, tolerance, way }) {
-                Ok(checks) => told(&line, &checks),
-                Err(Problem::Refused(Error::Usage(reason))) if way != Way::default() => {
-                    println!("case {line} ... refused: {}", reason.lines().next().unwrap_or_default());
-                    true
+        let (estimators, solvers) = ways.each();
+        for form_factors in estimators {
+            let mut runs = Runs::new(form_factors);
+            for &solver in &solvers {
+                let runs = runs.by(solver);
+                let [inputs, expected, tolerance] = ["inputs", "expected", "tolerance"].map(|k| case[k].clone());
+                let line = runs.way.name().map_or(name.to_string(), |way| format!("{name} by {way}"));
+                let ok = match build(&Case { inputs, expected, tolerance, runs }) {
+                    Ok(checks) => told(&line, &checks),
+                    Err(Problem::Refused(Error::Usage(reason))) if runs.way != Way::default() => {
+                        println!("case {line} ... refused: {}", reason.lines().next().unwrap_or_default());
+                        true
+                    }
+                    Err(Problem::Refused(error)) => {
+                        println!("case {line} ... FAILED {error}");
+                        false
+                    }
+                    Err(Problem::Unreadable(problem)) => {
+                        println!("case {line} ... FAILED unreadable: {problem}");
+                        false
+                    }
+                };
+                if !ok {
+                    failed.push(line);
                 }
-                Err(Problem::Refused(error)) => {
-                    println!("case {line} ... FAILED {error}");
-                    false
-                }
-                Err(Problem::Unreadable(problem)) => {
-                    println!("case {line} ... FAILED unreadable: {problem}");
-                    false
-                }
-            };
-            if !ok {
-                failed.push(line);
             }
         }
     }
@@ -209,19 +227,47 @@ impl Check {
     }
 }
 
-impl Case {
+impl Case<'_> {
     /// Bakes a stage by this case's way.
     fn shoot(&self, stage: Stage, rays: u32) -> Result<Shot, Problem> {
         self.shoot_with(stage, options(rays))
     }
 
     fn shoot_with(&self, stage: Stage, options: Options) -> Result<Shot, Problem> {
-        try_shoot(stage, self.way.of(options)).map_err(Problem::Refused)
+        self.runs.shoot(stage, options).map_err(Problem::Refused)
     }
 
-    /// What the estimator costs beside its sampling, of a value.
-    fn pixels(&self, value: f64) -> f64 {
-        if matches!(self.way.form_factors, FormFactors::Hemicube { .. }) { PIXELS * value.abs() } else { 0.0 }
+    fn way(&self) -> Way {
+        self.runs.way
+    }
+
+    /// Texels along an edge: `side` for rays, fewer where rows take longer.
+    fn along(&self, side: u32) -> u32 {
+        match self.way().form_factors {
+            FormFactors::Rays => side,
+            FormFactors::Hemicube { .. } => side / 2,
+            FormFactors::Analytic => side / 4,
+        }
+    }
+
+    /// Facets along an edge of a cavity.
+    fn facets(&self, n: u32) -> u32 {
+        if matches!(self.way().form_factors, FormFactors::Hemicube { .. }) { n / 2 } else { n }
+    }
+
+    /// What one point for a texel costs a value in a room with `n` texels along its shortest edge.
+    fn one_point(&self, value: f64, n: u32) -> f64 {
+        let hemicube = matches!(self.way().form_factors, FormFactors::Hemicube { .. });
+        if hemicube { exact::one_point(n as usize) * value.abs() } else { 0.0 }
+    }
+
+    /// Standard error of what a row sees: a share `f` by so many rays, or all within an outline of length `outline` at most.
+    fn share(&self, f: f64, rays: u32, outline: f64) -> f64 {
+        match self.way().form_factors {
+            FormFactors::Hemicube { resolution } => exact::aliasing(resolution, outline),
+            // Closed forms leave the sky to rays.
+            FormFactors::Rays | FormFactors::Analytic => libm::sqrt(f * (1.0 - f) / f64::from(rays)),
+        }
     }
 
     /// A number of the inputs.
@@ -248,7 +294,6 @@ impl Case {
         let expected = self.expects(key)?;
         let tolerance = self.tolerance(key, expected)?;
         let what = if key.is_empty() { "value".into() } else { key.into() };
-        let shape = shape + self.pixels(expected);
         Ok(Check { what, got, expected, tolerance, sigma, shape })
     }
 }

@@ -1,7 +1,8 @@
 //! Options of `luxel chart`.
 
 use super::{
-    super::values::{self, SkyWish, SunWish},
+    super::values,
+    Light,
     bake::{edge, unwrappers},
     named, threads,
 };
@@ -76,25 +77,8 @@ pub struct Chart {
     #[arg(long, value_name = "GLOB", help_heading = "Scene", value_parser = values::glob)]
     pub exclude: Vec<String>,
 
-    /// Radiance of the sky, as for luxel bake [default: black]
-    #[arg(long, value_name = "R,G,B | FILE[,SCALE[,ROTATION]]", help_heading = "Scene",
-          value_parser = values::sky, allow_hyphen_values = true)]
-    pub sky: Option<SkyWish>,
-
-    /// A sun, as for luxel bake
-    #[arg(long, value_name = "AZIMUTH,ELEVATION,LUX[,ANGLE]", help_heading = "Scene",
-          value_parser = values::sun, allow_hyphen_values = true)]
-    pub sun: Option<SunWish>,
-
-    /// Factor on the file's punctual lights, 0 to 1e9
-    #[arg(long, value_name = "X", help_heading = "Scene", default_value = "1",
-          value_parser = values::light_scale, allow_hyphen_values = true)]
-    pub light_scale: f32,
-
-    /// Largest diffuse reflectance, above 0, at most .9999; more is capped
-    #[arg(long, value_name = "R", help_heading = "Scene", default_value = ".98",
-          value_parser = values::reflectance, allow_hyphen_values = true)]
-    pub max_reflectance: f32,
+    #[command(flatten)]
+    pub light: Light,
 
     /// Show no progress; warnings and errors are still shown
     #[arg(long, help_heading = "Output")]

@@ -5,6 +5,7 @@ mod bake;
 mod baked;
 mod chart;
 mod inspect;
+mod light;
 mod render;
 
 pub use audit::Audit;
@@ -12,6 +13,7 @@ pub use bake::Bake;
 pub use baked::Baked;
 pub use chart::Chart;
 pub use inspect::Inspect;
+pub use light::Light;
 pub use render::Render;
 
 use clap::{
@@ -88,7 +90,7 @@ mod tests {
         let transport = options.transport;
         assert_eq!((bake.rays, !bake.no_reuse, bake.receivers), (None, transport.reuse, transport.receivers));
         assert_eq!(bake.form_factors, transport.form_factors);
-        assert_eq!(bake.max_reflectance, options.max_reflectance);
+        assert_eq!(bake.light.max_reflectance, options.max_reflectance);
         assert_eq!((bake.solver, bake.bounces), (options.radiosity.solver, options.radiosity.bounces));
         assert_eq!(bake.content, options.content);
     }
@@ -180,6 +182,6 @@ mod tests {
             assert!(said.contains(&format!("invalid value '-1' for '{option}")), "{said}");
         }
         let bake = parse(&["--sun", "-90,45,1000", "--preview", "a.png", "--camera", "-1,0,0,0,0,0"]).unwrap();
-        assert!(bake.sun.is_some() && bake.camera.is_some());
+        assert!(bake.light.sun.is_some() && bake.camera.is_some());
     }
 }

@@ -1,6 +1,6 @@
 //! [`Blocks`]: squares of texels over which the light can hardly vary.
 
-use super::{LEVELS, glance::Glance};
+use super::{LEVELS, surroundings::Surroundings};
 use crate::{
     atlas::Coverage,
     math::luminance,
@@ -55,8 +55,8 @@ impl Block {
 
 impl Blocks {
     /// Finds the largest squares with no more `variation`.
-    pub fn new(tracer: &Tracer, coverage: &Coverage, glances: &[Glance], variation: f32) -> Self {
-        let judge = Judge { tracer, coverage, glances, variation };
+    pub fn new(tracer: &Tracer, coverage: &Coverage, surroundings: &[Surroundings], variation: f32) -> Self {
+        let judge = Judge { tracer, coverage, surroundings, variation };
         let edge = 1 << LEVELS;
         let strips =
             (0..coverage.sizes.len()).flat_map(|p| (0..coverage.sizes[p].y.div_ceil(edge)).map(move |y| (p, y)));
@@ -89,7 +89,7 @@ impl Blocks {
 struct Judge<'a> {
     tracer: &'a Tracer<'a>,
     coverage: &'a Coverage,
-    glances: &'a [Glance],
+    surroundings: &'a [Surroundings],
     variation: f32,
 }
 
@@ -103,13 +103,13 @@ impl Judge<'_> {
         }
     }
 
-    fn glance(&self, page: u32, at: UVec2) -> Option<&Glance> {
-        self.coverage.texel(page, at.as_ivec2()).map(|t| &self.glances[t as usize])
+    fn around(&self, page: u32, at: UVec2) -> Option<&Surroundings> {
+        self.coverage.texel(page, at.as_ivec2()).map(|t| &self.surroundings[t as usize])
     }
 
     /// True if its texels are one smooth surface with nothing near.
     fn holds(&self, block: &Block) -> bool {
-        let corner = |at: UVec2| self.glance(block.page, at).filter(|g| !g.odd);
+        let corner = |at: UVec2| self.around(block.page, at).filter(|g| !g.odd);
         let [Some(a), Some(b), Some(c), Some(d)] = block.corners().map(corner) else { return false };
         let normal = (a.normal + b.normal + c.normal + d.normal).normalize_or_zero();
         let edges = [(a, b), (c, d), (a, c), (b, d)].map(|(p, q)| p.center.distance(q.center));
@@ -118,7 +118,7 @@ impl Judge<'_> {
         let pitch = edge / side;
         let (mut near, mut least) = (0f32, 1f32);
         for at in block.places() {
-            let Some(g) = self.glance(block.page, at).filter(|g| !g.odd) else { return false };
+            let Some(g) = self.around(block.page, at).filter(|g| !g.odd) else { return false };
             let f = (at - block.first).as_vec2() / side;
             let expected = a.center.lerp(b.center, f.x).lerp(c.center.lerp(d.center, f.x), f.y);
             near = near.max(g.near);
@@ -133,7 +133,7 @@ impl Judge<'_> {
     }
 
     /// True if nothing stands between the corners.
-    fn is_open(&self, corners: [&Glance; 4], pitch: f32) -> bool {
+    fn is_open(&self, corners: [&Surroundings; 4], pitch: f32) -> bool {
         let above = corners.map(|g| g.center + g.normal * (LIFT * pitch));
         let ways = [(0, 1), (2, 3), (0, 2), (1, 3), (0, 3), (1, 2)];
         let ways =

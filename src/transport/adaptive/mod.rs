@@ -2,14 +2,14 @@
 //!
 //! Indirect light varies where something is near: over a way d by about d / R, R the harmonic mean distance to what a
 //! place sees, and with the turn of the normal (Ward, Rubinstein and Clear, "A Ray Tracing Solution for Diffuse
-//! Interreflection", 1988). A few rays from every texel tell R ([`glance`]). Squares of texels over which little varies
+//! Interreflection", 1988). A few rays from every texel tell R ([`surroundings`]). Squares of texels over which little varies
 //! are kept whole, others are cut into four, down to single texels in corners ([`blocks`]); the corners of squares are
-//! the receivers, and what lies between is read bilinearly ([`spread`]). Geometry alone decides: the receivers serve any
+//! the receivers, and what lies between is read bilinearly ([`weights`]). Geometry alone decides: the receivers serve any
 //! light.
 
 mod blocks;
-mod glance;
-mod spread;
+mod surroundings;
+mod weights;
 
 use super::Interpolation;
 use crate::{
@@ -43,13 +43,13 @@ const SHARED_VARIATION: f32 = 0.05;
 /// Chooses receivers for rows of so many rays.
 pub(super) fn choose(tracer: &Tracer, coverage: &Coverage, rays: u32, observer: &dyn Observer) -> Result<Chosen> {
     observer.begin("receivers", coverage.texels.len() as u64);
-    let glances = glance::at_all(tracer, coverage, observer);
+    let surroundings = surroundings::at_all(tracer, coverage, observer);
     check(observer)?;
     let variation = VARIATION * libm::powf(RAYS / rays as f32, 0.25);
-    let blocks = Blocks::new(tracer, coverage, &glances, variation);
-    let (texels, interpolation) = spread::from(&blocks, coverage);
+    let blocks = Blocks::new(tracer, coverage, &surroundings, variation);
+    let (texels, interpolation) = weights::from(&blocks, coverage);
     let sides = blocks.sides(coverage);
-    let stride = |t: usize| glances[t].stride(SHARED_VARIATION).min(sides[t]);
+    let stride = |t: usize| surroundings[t].stride(SHARED_VARIATION).min(sides[t]);
     let strides = texels.iter().map(|&t| stride(t as usize)).collect();
     Ok(Chosen { texels, strides, interpolation })
 }

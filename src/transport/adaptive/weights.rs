@@ -16,12 +16,12 @@ const OWN: u32 = u32::MAX;
 
 /// The receivers' texels, ascending, and how all texels read them.
 pub(super) fn from(blocks: &Blocks, coverage: &Coverage) -> (Vec<u32>, Interpolation) {
-    let spread = Spread { blocks: &blocks.all, coverage, within: within(&blocks.all, coverage) };
-    let texels: Vec<u32> = (0..coverage.texels.len() as u32).filter(|&t| spread.within[t as usize] == OWN).collect();
+    let weights = Weights { blocks: &blocks.all, coverage, within: within(&blocks.all, coverage) };
+    let texels: Vec<u32> = (0..coverage.texels.len() as u32).filter(|&t| weights.within[t as usize] == OWN).collect();
     let mut index = vec![0; coverage.texels.len()];
     texels.iter().enumerate().for_each(|(k, &t)| index[t as usize] = k as u32);
     let all: Vec<u32> = (0..coverage.texels.len() as u32).collect();
-    let rows = |texels: &[u32]| texels.iter().map(|&t| spread.row(t, &index)).collect::<Vec<_>>();
+    let rows = |texels: &[u32]| texels.iter().map(|&t| weights.row(t, &index)).collect::<Vec<_>>();
     let (mut starts, mut entries) = (vec![0], Vec::new());
     for strip in all.chunks(STRIP) {
         for row in strip.par_chunks(STRIP / 64).map(rows).collect::<Vec<_>>().concat() {
@@ -33,7 +33,7 @@ pub(super) fn from(blocks: &Blocks, coverage: &Coverage) -> (Vec<u32>, Interpola
     (texels, Interpolation::Convex { starts, entries })
 }
 
-struct Spread<'a> {
+struct Weights<'a> {
     blocks: &'a [Block],
     coverage: &'a Coverage,
     /// Of each texel the block that it reads, the largest that holds it otherwise than at a corner; or [`OWN`].
@@ -57,7 +57,7 @@ fn within(blocks: &[Block], coverage: &Coverage) -> Vec<u32> {
     within
 }
 
-impl Spread<'_> {
+impl Weights<'_> {
     /// Receivers that a texel reads, ascending, by their `index`, and weights.
     fn row(&self, texel: u32, index: &[u32]) -> Vec<(u32, f32)> {
         let mut row = Vec::with_capacity(4);

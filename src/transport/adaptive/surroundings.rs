@@ -1,4 +1,4 @@
-//! [`Glance`]: what a few rays say of a texel's surroundings.
+//! [`Surroundings`]: what a few rays say of a texel's surroundings.
 
 use super::LEVELS;
 use crate::{
@@ -20,7 +20,7 @@ const CHUNK: usize = 64;
 
 /// A texel and its surroundings.
 #[derive(Clone, Copy)]
-pub(super) struct Glance {
+pub(super) struct Surroundings {
     /// A point near its middle, and the unit shading normal there.
     pub center: Vec3,
     pub normal: Vec3,
@@ -32,7 +32,7 @@ pub(super) struct Glance {
     pub odd: bool,
 }
 
-impl Glance {
+impl Surroundings {
     /// Texels over which surroundings like these allow for no more `variation`: 1, 2, 4 or 8.
     pub fn stride(&self, variation: f32) -> u8 {
         let fits = |level: &u32| !self.odd && (1u32 << level) as f32 * self.size * self.near <= variation;
@@ -41,7 +41,7 @@ impl Glance {
 }
 
 /// Looks from every texel.
-pub(super) fn at_all(tracer: &Tracer, coverage: &Coverage, observer: &dyn Observer) -> Vec<Glance> {
+pub(super) fn at_all(tracer: &Tracer, coverage: &Coverage, observer: &dyn Observer) -> Vec<Surroundings> {
     let table = PointTable::new(RAYS, 0x676c_616e);
     let texels: Vec<u32> = (0..coverage.texels.len() as u32).collect();
     let chunks = texels.par_chunks(CHUNK).map(|texels| {
@@ -51,7 +51,7 @@ pub(super) fn at_all(tracer: &Tracer, coverage: &Coverage, observer: &dyn Observ
         observer.advance(texels.len() as u64);
         some(tracer, coverage, &table, texels)
     });
-    let alone: Vec<Glance> = chunks.collect::<Vec<_>>().concat();
+    let alone: Vec<Surroundings> = chunks.collect::<Vec<_>>().concat();
     if observer.cancelled() {
         alone
     } else {
@@ -59,10 +59,10 @@ pub(super) fn at_all(tracer: &Tracer, coverage: &Coverage, observer: &dyn Observ
     }
 }
 
-fn some(tracer: &Tracer, coverage: &Coverage, table: &PointTable, texels: &[u32]) -> Vec<Glance> {
+fn some(tracer: &Tracer, coverage: &Coverage, table: &PointTable, texels: &[u32]) -> Vec<Surroundings> {
     let enclosure = Enclosure::new(tracer, coverage);
     let mut footprint = Footprint::new(&tracer.world, coverage);
-    let mut glances = Vec::with_capacity(texels.len());
+    let mut surroundings = Vec::with_capacity(texels.len());
     let mut points: Vec<SurfacePoint> = Vec::with_capacity(texels.len() * RAYS);
     let mut rays: Vec<Ray> = Vec::with_capacity(texels.len() * RAYS);
     for &texel in texels {
@@ -77,24 +77,24 @@ fn some(tracer: &Tracer, coverage: &Coverage, table: &PointTable, texels: &[u32]
             let p = footprint.point(point.place);
             odd |= p.position.distance(center) > 2.0 * size;
             let direction = p.frame.turned(turn).to_world(point.direction);
-            // Beside its use for light, a glance may as well fall on what the face hides.
+            // Beside its use for light, a ray may as well fall on what the face hides.
             let direction = direction - 2.0 * direction.dot(p.face).min(0.0) * p.face;
             rays.push(p.ray(direction, hash(texel, rays.len() as u32)));
             points.push(p);
         }
-        glances.push(Glance { center, normal: normal(&footprint), near: 0.0, size, odd });
+        surroundings.push(Surroundings { center, normal: normal(&footprint), near: 0.0, size, odd });
     }
     let mut hits: Vec<Option<Hit>> = vec![None; rays.len()];
     tracer.closest_of_each(&rays, &mut hits);
-    for (k, glance) in glances.iter_mut().enumerate() {
+    for (k, around) in surroundings.iter_mut().enumerate() {
         let own = k * RAYS..(k + 1) * RAYS;
-        glance.near = hits[own.clone()].iter().flatten().map(|h| 1.0 / h.t).sum::<f32>() / RAYS as f32;
+        around.near = hits[own.clone()].iter().flatten().map(|h| 1.0 / h.t).sum::<f32>() / RAYS as f32;
         let behind = own.filter(|&k| hits[k].is_some_and(|h| enclosure.may_enclose(&h)));
         let behind: Vec<SurfacePoint> = behind.map(|k| points[k]).collect();
         let at = coverage.texels[texels[k] as usize].at;
-        glance.odd |= enclosure.holds(&behind, at, Vec2::X, &mut 0).contains(&true);
+        around.odd |= enclosure.holds(&behind, at, Vec2::X, &mut 0).contains(&true);
     }
-    glances
+    surroundings
 }
 
 /// The middle of a texel's surface; `None` if it has no area.
@@ -121,7 +121,7 @@ fn turn(texel: u32) -> Vec2 {
 }
 
 /// With the rays of the texels beside it on the page, and the size of the largest: those at borders are cut.
-fn with_neighbours(coverage: &Coverage, alone: &[Glance], texel: u32) -> Glance {
+fn with_neighbours(coverage: &Coverage, alone: &[Surroundings], texel: u32) -> Surroundings {
     let at = coverage.texels[texel as usize];
     let around = (-1..=1).flat_map(|y| (-1..=1).map(move |x| IVec2::new(x, y)));
     let around = around.filter_map(|d| coverage.texel(at.page, at.at.as_ivec2() + d)).map(|t| &alone[t as usize]);
@@ -131,5 +131,5 @@ fn with_neighbours(coverage: &Coverage, alone: &[Glance], texel: u32) -> Glance 
         size = size.max(g.size);
         count += 1.0;
     }
-    Glance { near: near / count, size, ..alone[texel as usize] }
+    Surroundings { near: near / count, size, ..alone[texel as usize] }
 }

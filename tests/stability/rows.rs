@@ -1,0 +1,101 @@
+//! Rows of every estimator: no sum is above 1; what was scaled is told, what is wrong is refused.
+
+use crate::common::{
+    bakes::{Parts, grey, options, parts, try_shoot},
+    scenes::{furnished, rectangle, unit_room},
+    stage::Stage,
+    ways::{Runs, Way},
+};
+use glam::{UVec2, Vec3};
+use luxel::{
+    atlas::{Density, Unwrap},
+    patches::Patches,
+    progress::Silent,
+    radiosity::Solver,
+    scene::{Scene, Sky, World},
+    trace::Tracer,
+    transport::{Checked, FormFactors, Options, Stats, Transport},
+};
+
+/// A cube, a room with blocks in it, and two walls under the sky; true if closed.
+fn scenes() -> [(Stage, bool); 3] {
+    let build = |sky: Sky, build: &dyn Fn(&mut Stage, u32)| {
+        let mut stage = Stage::new();
+        let m = stage.material(0.8, 1.0);
+        build(&mut stage, m);
+        let closed = matches!(sky, Sky::Black);
+        stage.scene.sky = sky;
+        (stage, closed)
+    };
+    [
+        build(Sky::Black, &|stage, m| drop(unit_room().all(stage, m, 6))),
+        build(Sky::Black, &|stage, m| drop(furnished(stage, m, m, 8))),
+        build(Sky::Uniform(Vec3::ONE), &|stage, m| {
+            rectangle(stage, m, [Vec3::ZERO, Vec3::X, Vec3::Y], UVec2::splat(8));
+            rectangle(stage, m, [Vec3::ZERO, Vec3::Y, Vec3::Z], UVec2::splat(8));
+        }),
+    ]
+}
+
+/// Bakes the stage's own charts.
+fn baked(stage: &mut Stage, form_factors: FormFactors) -> Parts {
+    let (edge, _) = stage.lay_out();
+    let mut options = Way { form_factors, ..Way::default() }.of(options(64));
+    (options.atlas.unwrap, options.atlas.density) = (Unwrap::Keep, Density::Resolution(edge));
+    parts(&stage.scene, &options)
+}
+
+fn rows(scene: &Scene, parts: &Parts, form_factors: FormFactors) -> (Checked, Stats) {
+    let tracer = Tracer::new(World::new(scene));
+    let mut patches = Patches::new(&tracer.world, &parts.coverage, 0.98);
+    let options = Options { form_factors, ..Options::of(64) };
+    let transport = Transport::measure(&tracer, &parts.coverage, &mut patches, &options, &Silent).expect("rows");
+    (transport.validate(&patches).expect("sound rows"), transport.stats)
+}
+
+#[test]
+fn no_row_sums_to_more_than_one_and_what_was_scaled_is_told() {
+    for form_factors in FormFactors::ALL {
+        for (k, (mut stage, closed)) in scenes().into_iter().enumerate() {
+            let parts = baked(&mut stage, form_factors);
+            let (Checked { sums, reciprocity }, stats) = rows(&stage.scene, &parts, form_factors);
+            let told = parts.report.warnings.iter().any(|w| w.contains("were scaled"));
+            println!("{form_factors}, scene {k}: sums {sums:?}, reciprocity {reciprocity:.3}, {stats:?}");
+            assert!(sums[1] <= 1.0 + 1e-5 && (!closed || sums[0] >= 1.0 - 1e-5), "{form_factors}, {k}: {sums:?}");
+            // Counts and delta form factors sum to 1 by themselves. Closed forms do so where nothing hides anything; where
+            // blocks stand, visibility is sampled.
+            let scaled = form_factors == FormFactors::Analytic && k == 1;
+            assert_eq!((stats.rescaled > 0, told), (scaled, scaled), "{form_factors}, {k}: {stats:?}");
+            assert!(!scaled || (1e-5..0.5).contains(&stats.excess), "{stats:?}");
+        }
+    }
+}
+
+#[test]
+fn rows_above_one_are_refused() {
+    let patches = Patches { area: vec![1.0; 2], validity: vec![1.0; 2], ..Patches::default() };
+    let transport = |weight: f32| Transport::from_rows(2, [(vec![1, 1], 0.5), (vec![0], weight)]);
+    assert!(transport(1.0).validate(&patches).is_ok());
+    let refused = transport(1.31).validate(&patches).expect_err("a row above 1");
+    assert!(refused.contains("row 1 sums to 1.3"), "{refused}");
+}
+
+/// What the suites solve by hand is what a bake solves.
+#[test]
+fn rows_that_serve_all_solvers_are_those_of_a_bake() {
+    for way in FormFactors::ALL.map(|form_factors| Way { form_factors, solver: Solver::Jacobi }) {
+        let build = || {
+            let mut stage = Stage::new();
+            let (wall, lamp) = (stage.material(0.5, 0.0), stage.material(0.5, 1.0));
+            furnished(&mut stage, wall, lamp, 8);
+            stage
+        };
+        let mut runs = Runs::new(way.form_factors);
+        let [once, again] = [0, 1].map(|_| runs.by(way.solver).shoot(build(), options(16)).expect("it is solved"));
+        let bake = try_shoot(build(), way.of(options(16))).expect("it bakes");
+        assert!(grey(bake.baked.irradiance[0]) > 0.0);
+        assert_eq!(bake.baked.irradiance, once.baked.irradiance, "{way:?}");
+        assert_eq!(bake.baked.irradiance, again.baked.irradiance, "{way:?}");
+        assert_eq!(bake.baked.lightmaps.pages[0].irradiance, again.baked.lightmaps.pages[0].irradiance, "{way:?}");
+    }
+}
