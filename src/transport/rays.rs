@@ -17,7 +17,7 @@ use crate::{
     math::{Point, PointTable},
     patches::{Patches, SurfacePoint},
     progress::Observer,
-    trace::{Ray, Tracer},
+    trace::{NOWHERE, Ray, Tracer},
 };
 use glam::{Vec2, Vec3};
 
@@ -26,10 +26,13 @@ const OPEN: u32 = u32::MAX - 1;
 
 /// Blocks of points that a partly buried texel may use up to reach its number of rays.
 const PASSES: usize = 4;
-/// Open points that meet backs before the others are taken for open, too.
+/// Open points that meet backs before the others are taken for open, too; enclosed ones before they are for enclosed.
 const TRUST: usize = 8;
+const SURE: usize = 32;
 /// Fewer rays than this, all of which meet backs, do not yet say that all of the texel is enclosed.
 const FEW: usize = 32;
+/// Rays of a texel that are made at once: the points of its neighbours lie far away in memory.
+const TOGETHER: usize = 8;
 /// Draws of a direction above the face before it is mirrored there.
 const DRAWS: usize = 16;
 
@@ -142,15 +145,20 @@ impl<'a> Shooter<'a> {
     /// Settles what is left of rays that met backs.
     fn decide(&self, receiver: &Receiver, row: &mut Draft, enclosed_all: bool, stats: &mut Stats) {
         let behind = std::mem::take(&mut row.behind);
-        // Where backs are those of sheets, the first few points say so; a box hides nearly all that meet backs.
-        let few = if enclosed_all { 0 } else { behind.len().min(TRUST.saturating_sub(row.open)) };
-        let mut enclosed = self.holds(receiver, &behind[..few], &mut row.enclosed);
-        if row.enclosed > 0 {
-            enclosed.extend(self.holds(receiver, &behind[few..], &mut row.enclosed));
+        let mut enclosed = Vec::with_capacity(behind.len());
+        for until in [TRUST, SURE, usize::MAX] {
+            // Where backs are those of sheets, the first few points say so; a box hides nearly all that meet backs.
+            let settled = row.enclosed == 0 && row.open >= TRUST || row.open == 0 && row.enclosed >= SURE;
+            if enclosed_all || settled {
+                break;
+            }
+            let some = &behind[enclosed.len()..until.min(behind.len())];
+            let found = self.holds(receiver, some, &mut row.enclosed);
+            row.open += found.iter().filter(|enclosed| !**enclosed).count();
+            enclosed.extend(found);
         }
-        enclosed.resize(behind.len(), false);
+        enclosed.resize(behind.len(), row.open == 0 && row.enclosed > 0);
         for b in behind.iter().zip(enclosed).filter(|(_, enclosed)| !enclosed).map(|(b, _)| b) {
-            row.open += 1;
             row.columns.push(self.sight.column(b.seen, stats));
             if self.keep && !receiver.back {
                 row.see(receiver.surface(b.place).lifted(), b.spot);
@@ -198,14 +206,22 @@ impl Method for Shooter<'_> {
         }
         let keep = self.keep && !back;
         let (receivers, rows) = desk.clear(&self.sight, &self.table, texels, back);
-        let (mut rays, mut hits) = (Vec::with_capacity(texels.len()), vec![None; texels.len()]);
-        let mut ends = Vec::with_capacity(texels.len() * self.rays);
-        // All receivers shoot into one direction before the next: rays beside each other meet the same boxes.
-        for k in 0..self.rays {
-            rays.clear();
-            rays.extend(receivers.iter().map(|r| self.ray(r, r.point(k), k)));
-            self.sight.tracer.closest_of_each(&rays, &mut hits);
-            for (i, (ray, hit)) in rays.iter().zip(&hits).enumerate() {
+        let n = texels.len();
+        let nowhere = Ray { origin: Vec3::ZERO, direction: Vec3::Z, key: 0, from: NOWHERE };
+        let (mut rays, mut hits) = (vec![nowhere; n * TOGETHER], vec![None; n * TOGETHER]);
+        let mut ends = Vec::with_capacity(n * self.rays);
+        for first in (0..self.rays).step_by(TOGETHER) {
+            let directions = first..(first + TOGETHER).min(self.rays);
+            let count = n * directions.len();
+            for (i, r) in receivers.iter().enumerate() {
+                for (ray, k) in rays[i..count].iter_mut().step_by(n).zip(directions.clone()) {
+                    *ray = self.ray(r, r.point(k), k);
+                }
+            }
+            // All receivers shoot into one direction before the next: rays beside each other meet the same boxes.
+            self.sight.tracer.closest_of_each(&rays[..count], &mut hits[..count]);
+            for (at, (ray, hit)) in rays[..count].iter().zip(&hits).enumerate() {
+                let (k, i) = (first + at / n, at % n);
                 let end = self.sight.end(ray, hit, &mut done.stats);
                 ends.push(end.column.unwrap_or(OPEN));
                 match end.column {
@@ -218,7 +234,7 @@ impl Method for Shooter<'_> {
             }
         }
         for (i, (receiver, row)) in receivers.iter().zip(rows).enumerate() {
-            row.columns.extend(ends[i..].iter().step_by(texels.len()).filter(|&&column| column != OPEN));
+            row.columns.extend(ends[i..].iter().step_by(n).filter(|&&column| column != OPEN));
             self.complete(receiver, row, &mut done);
             row.push_to(&mut done.block);
             if keep {
