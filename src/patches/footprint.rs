@@ -20,6 +20,9 @@ pub struct Footprint<'w> {
     before: Vec<Face>,
 }
 
+/// Faces of a texel that the next is likely to have, too: where there are more, triangles are smaller than texels.
+const KEPT: usize = 4;
+
 /// A part of a face: the affine image of the unit square or of its lower half.
 pub struct Cell {
     /// Index of the face.
@@ -160,7 +163,7 @@ impl<'w> Footprint<'w> {
         let at = coverage.texels[texel].at.as_dvec2();
         let mut sum = 0.0;
         for fragment in coverage.fragments_of(texel) {
-            let known = self.before.iter().find(|face| face.triangle == fragment.triangle);
+            let known = self.before.iter().take(KEPT).find(|face| face.triangle == fragment.triangle);
             let face = known.cloned().unwrap_or_else(|| Face::new(world, coverage, fragment.triangle));
             sum = cut(&face, self.faces.len() as u32, at, fragment.area, sum, &mut self.cells);
             self.faces.push(face);
