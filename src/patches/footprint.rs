@@ -16,7 +16,7 @@ pub struct Footprint<'w> {
     coverage: &'w Coverage,
     cells: Vec<Cell>,
     faces: Vec<Face>,
-    /// Those of the texel before.
+    /// The first of the texel before.
     before: Vec<Face>,
 }
 
@@ -158,12 +158,12 @@ impl<'w> Footprint<'w> {
     pub fn set(&mut self, texel: usize) {
         let (world, coverage) = (self.world, self.coverage);
         self.cells.clear();
-        std::mem::swap(&mut self.faces, &mut self.before);
-        self.faces.clear();
+        self.before.clear();
+        self.before.extend(self.faces.drain(..).take(KEPT));
         let at = coverage.texels[texel].at.as_dvec2();
         let mut sum = 0.0;
         for fragment in coverage.fragments_of(texel) {
-            let known = self.before.iter().take(KEPT).find(|face| face.triangle == fragment.triangle);
+            let known = self.before.iter().find(|face| face.triangle == fragment.triangle);
             let face = known.cloned().unwrap_or_else(|| Face::new(world, coverage, fragment.triangle));
             sum = cut(&face, self.faces.len() as u32, at, fragment.area, sum, &mut self.cells);
             self.faces.push(face);
