@@ -112,6 +112,7 @@ fn form_factors_are_held_against_closed_forms() {
         own.map(|r| r["error"].as_f64().unwrap()).collect()
     };
     let (rays, hemicube) = (errors("rays"), errors("hemicube"));
+    assert_eq!([rays.len(), hemicube.len()], [5, 5]);
     // Four times the rays, half the error.
     for halved in rays.windows(2).map(|e| e[0] / e[1]) {
         assert!((1.5..2.7).contains(&halved), "{rays:?}");

@@ -49,8 +49,9 @@ pub(super) fn measure(bench: &Bench, left_out: &mut Vec<LeftOut>) -> Result<Opti
     for edge in EDGES {
         let options = atlas::Options { unwrap, density: Density::Resolution(edge), ..base.atlas };
         match on(bench, &options) {
-            Err(Error::Usage(why)) => refused = why.lines().next().map(str::to_owned),
-            other => return other.map(Some),
+            Err(Error::Interrupted) => return Err(Error::Interrupted),
+            Err(why) => refused = why.to_string().lines().next().map(str::to_owned),
+            Ok(found) => return Ok(Some(found)),
         }
     }
     left_out.push(LeftOut { sweep: Sweep::FormFactors.name(), name: "pairs of texels".into(), refused });
@@ -75,6 +76,9 @@ fn on(bench: &Bench, options: &atlas::Options) -> Result<Factors> {
     let (closed, seconds) = rows(FormFactors::Analytic, RAYS[2])?;
     let truth = dense(&closed, plain.fronts);
     let all = norm(&truth, &[]);
+    if all == 0.0 {
+        return Err(Error::Usage("no texel sees another".into()));
+    }
     let by_rays = RAYS.map(|rays| (FormFactors::Rays, rays, rays));
     let by_pixels = PIXELS.map(|resolution| (FormFactors::Hemicube { resolution }, 1, resolution));
     let mut runs = Vec::new();

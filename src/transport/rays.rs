@@ -14,7 +14,7 @@ use super::{
 use crate::{
     atlas::Coverage,
     error::Result,
-    math::{Point, PointTable},
+    math::{Point, PointTable, hash},
     patches::{Patches, SurfacePoint},
     progress::Observer,
     trace::{NOWHERE, Ray, Tracer},
@@ -144,7 +144,9 @@ impl<'a> Shooter<'a> {
 
     /// Settles what is left of rays that met backs.
     fn decide(&self, receiver: &Receiver, row: &mut Draft, enclosed_all: bool, stats: &mut Stats) {
-        let behind = std::mem::take(&mut row.behind);
+        let mut behind = std::mem::take(&mut row.behind);
+        // They come sorted by direction: the first to be looked at are to stand for all.
+        behind.sort_unstable_by_key(|b| hash(b.place.x.to_bits(), b.place.y.to_bits()));
         let mut enclosed = Vec::with_capacity(behind.len());
         for until in [TRUST, SURE, usize::MAX] {
             // Where backs are those of sheets, the first few points say so; a box hides nearly all that meet backs.
