@@ -1,8 +1,8 @@
 //! [`Chart`]: speed against accuracy on any scene, measured and drawn.
 //!
-//! Every point is a whole bake. Its error is that at the same points of one long audit ([`Truth`]), so that what is common
-//! to all of them cancels; or that against a lightmap which the user takes for the truth, but for sizes of patches. Sweeps run in the order of their
-//! worth until a budget of time is used up; what did not fit is named.
+//! Every one of [`Chart::points`] is a whole bake. Its error is that at the same points of one long audit ([`Truth`]), so
+//! that what is common to all of them cancels; or that against a lightmap which the user takes for the truth, but for sizes
+//! of patches. Sweeps run in the order of their worth until a budget of time is used up; what did not fit is named.
 
 pub mod draw;
 mod figures;

@@ -1,6 +1,7 @@
 //! Ctrl-C: the first asks a bake to stop, the second ends the program at once, and neither leaves half a file.
 //!
-//! While files are being written, which is short, signals wait: temporary files exist only then.
+//! While files are being written, which is short, signals wait: temporary files exist only then, and for an instant when
+//! a folder is tried at the beginning.
 
 use super::console;
 use std::sync::{

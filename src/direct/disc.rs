@@ -1,6 +1,9 @@
 //! [`Disc`]: a bound on where a piece of surface lies and where it looks.
 
-use crate::trace::rounding;
+use crate::{
+    patches::{Footprint, SurfacePoint},
+    trace::rounding,
+};
 use glam::Vec3;
 
 /// A flat cylinder around some surface, and how far its normals leave the cylinder's axis. The surface of one plane has
@@ -24,6 +27,15 @@ pub(super) struct Disc {
 }
 
 impl Disc {
+    /// Bounds of a texel around its middle.
+    pub fn of_texel(footprint: &Footprint, middle: &SurfacePoint) -> Self {
+        let mut disc = Disc::around(middle.position, middle.face);
+        footprint.triangles().flatten().for_each(|c| disc.take_point(c));
+        let side = 1f32.copysign(footprint.normal().dot(middle.face));
+        footprint.normals().for_each(|n| disc.take_normal(n * side, false));
+        disc
+    }
+
     /// A point that looks along `normal`.
     pub fn around(center: Vec3, normal: Vec3) -> Self {
         let rounding = rounding(&[center; 3]);

@@ -218,7 +218,7 @@ impl Task<'_> {
             r.sky_peaks += tally.arrived;
             book(tally, &mut r);
         }
-        self.sources.emitters.cut(&seen_from(footprint, on_surface(Vec2::splat(0.5))), cut);
+        self.sources.emitters.cut(&Disc::of_texel(footprint, &on_surface(Vec2::splat(0.5))), cut);
         let (near, far) = self.sources.emitters.divide(cut);
         // The same points for all leaves: what their closed forms share between them sums up.
         let mut exact_at = |n: usize| {
@@ -385,15 +385,6 @@ impl Task<'_> {
             volley.aim(p, direction, distance * (1.0 - 1e-5), mean * weight, irradiance * weight);
         }
     }
-}
-
-/// Bounds of a texel around its middle.
-fn seen_from(footprint: &Footprint, middle: SurfacePoint) -> Disc {
-    let mut disc = Disc::around(middle.position, middle.face);
-    footprint.triangles().flatten().for_each(|c| disc.take_point(c));
-    let side = 1f32.copysign(footprint.normal().dot(middle.face));
-    footprint.normals().for_each(|n| disc.take_normal(n * side, false));
-    disc
 }
 
 /// Each coordinate's fraction.

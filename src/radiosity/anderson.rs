@@ -28,8 +28,9 @@ pub(super) struct Anderson {
 impl Method for Anderson {
     fn next(&mut self, _: &System, x: &mut Vec<DVec3>, mapped: &[DVec3]) -> Option<u64> {
         let residual = difference(mapped, x);
-        if let Some([step, before]) = self.last.take() {
-            self.learn(step, difference(&before, &residual));
+        if let Some([step, mut before]) = self.last.take() {
+            add(&mut before, DVec3::NEG_ONE, &residual);
+            self.learn(step, before);
         }
         let [directions, images] = self.kept();
         let shares = dots(&images, &residual);
@@ -43,7 +44,8 @@ impl Method for Anderson {
 }
 
 impl Anderson {
-    /// Keeps a step and its image, which is made orthogonal to those that are kept already.
+    /// Keeps a step and its image, which is made orthogonal to those that are kept already (classical Gram-Schmidt: each
+    /// vector is read once).
     fn learn(&mut self, mut step: Vec<DVec3>, mut image: Vec<DVec3>) {
         if self.steps.len() == DEPTH {
             self.steps.pop_front();
