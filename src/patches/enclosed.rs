@@ -81,12 +81,15 @@ impl<'a> Enclosure<'a> {
         let rays: Vec<Ray> = probes.enumerate().map(ray).collect();
         let mut hits = vec![None; rays.len()];
         self.tracer.closest_of_each(&rays, &mut hits);
-        let seen = |hit: Option<Hit>| match hit {
-            Some(hit) if self.coverage.charted[hit.triangle as usize].emits => Seen::Out,
-            Some(hit) if hit.front => Seen::Front,
-            Some(hit) if self.tracer.world.material(hit.triangle).double_sided => Seen::Sheet,
-            Some(_) => Seen::Back,
-            None => Seen::Out,
+        let seen = |hit: Option<Hit>| {
+            let Some(hit) = hit else { return Seen::Out };
+            let surface = &self.coverage.charted[hit.triangle as usize];
+            match hit.front {
+                _ if surface.emits => Seen::Out,
+                true => Seen::Front,
+                false if surface.double_sided => Seen::Sheet,
+                false => Seen::Back,
+            }
         };
         hits.into_iter().map(seen).collect()
     }

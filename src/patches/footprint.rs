@@ -23,6 +23,9 @@ pub struct Footprint<'w> {
 /// Faces of a texel that the next is likely to have, too: where there are more, triangles are smaller than texels.
 const KEPT: usize = 4;
 
+/// Cells among which one is found by comparing with all.
+const FEW: usize = 8;
+
 /// A part of a face: the affine image of the unit square or of its lower half.
 pub struct Cell {
     /// Index of the face.
@@ -229,7 +232,13 @@ impl<'w> Footprint<'w> {
             [one] => (one, u),
             cells => {
                 let at = u.x * self.area();
-                let k = cells.partition_point(|c| c.after <= at).min(cells.len() - 1);
+                // Counted where they are few: their loads do not wait for each other.
+                let k = if cells.len() <= FEW {
+                    cells.iter().map(|c| usize::from(c.after <= at)).sum::<usize>()
+                } else {
+                    cells.partition_point(|c| c.after <= at)
+                };
+                let k = k.min(cells.len() - 1);
                 let c = &cells[k];
                 (c, Vec2::new(((at - c.before) / (c.after - c.before)).clamp(0.0, 1.0), u.y))
             }
@@ -298,5 +307,5 @@ fn cut(face: &Face, index: u32, at: DVec2, area: f32, mut sum: f32, cells: &mut 
 /// Area-preserving fold of the unit square onto the triangle (0,0), (1,0), (0,1) (Heitz, "A Low-Distortion Map Between
 /// Triangle and Square", 2019).
 fn square_to_triangle(u: Vec2) -> Vec2 {
-    if u.y > u.x { Vec2::new(u.x * 0.5, u.y - u.x * 0.5) } else { Vec2::new(u.x - u.y * 0.5, u.y * 0.5) }
+    u - 0.5 * u.min_element()
 }

@@ -146,7 +146,12 @@ impl<'a> Shooter<'a> {
     fn decide(&self, receiver: &Receiver, row: &mut Draft, enclosed_all: bool, stats: &mut Stats) {
         let mut behind = std::mem::take(&mut row.behind);
         // They come sorted by direction: the first to be looked at are to stand for all.
-        behind.sort_unstable_by_key(|b| hash(b.place.x.to_bits(), b.place.y.to_bits()));
+        let by_chance = |b: &Behind| hash(b.place.x.to_bits(), b.place.y.to_bits());
+        let first = behind.len().min(SURE);
+        if first < behind.len() {
+            behind.select_nth_unstable_by_key(first, by_chance);
+        }
+        behind[..first].sort_unstable_by_key(by_chance);
         let mut enclosed = Vec::with_capacity(behind.len());
         for until in [TRUST, SURE, usize::MAX] {
             // Where backs are those of sheets, the first few points say so; a box hides nearly all that meet backs.
