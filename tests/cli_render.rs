@@ -176,6 +176,23 @@ fn receivers_are_those_of_the_bake() {
     assert!(all == texels && some < more && more < texels, "{some} {more} {texels}");
 }
 
+#[test]
+fn what_is_enclosed_is_about_what_the_bake_found() {
+    let folder = Folder::new();
+    std::fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/room.glb"), folder.path("room.glb")).unwrap();
+    let said = folder.luxel("bake room.glb -o lit.glb --resolution 256 --rays 16 --quiet --report a.json");
+    assert_eq!(said.code, 0, "{}", said.err);
+    let report: Value = serde_json::from_slice(&std::fs::read(folder.path("a.json")).unwrap()).unwrap();
+    let said = folder.luxel("inspect lit.glb -o pictures --points 10");
+    assert_eq!((said.code, said.err.as_str()), (0, ""));
+    let picture = decode(&std::fs::read(folder.path("pictures/page0.validity.png")).unwrap()).unwrap();
+    let red = picture.rgba.iter().filter(|c| c[0] > 200 && c[1] < 50).count();
+    assert!(said.out.contains(&format!("{red} texels are enclosed")), "{red}: {}", said.out);
+    // The bake asks 16 points of each texel, the inspection 8.
+    let share = red as f64 / report["buried_texels"].as_f64().unwrap();
+    assert!((0.95..1.05).contains(&share), "{share}");
+}
+
 #[cfg(unix)]
 #[test]
 fn interrupted_painting_ends_at_once_and_writes_nothing() {
