@@ -80,7 +80,7 @@ export class LuxelLightmap extends Extension {
     const lightmap = new Lightmap(graph);
     lightmap.set("definition", definition);
     lightmap.set("pictures", definition.pages.map(({ bufferView }) => context.bufferViews[bufferView] ?? null));
-    for (const index of definition.bakedLights) lightmap.addRef("bakedLights", context.nodes[index]);
+    for (const index of definition.bakedLights ?? []) lightmap.addRef("bakedLights", context.nodes[index]);
     this.document.getRoot().setExtension(NAME, lightmap);
     (json.nodes ?? []).forEach((node, index) => {
       const place = node.extensions?.[NAME];
@@ -121,7 +121,7 @@ export class LuxelLightmap extends Extension {
 
 /** What is wrong with a lightmap, in one line. Pages beside the file are not looked at: glTF-Transform does not read them. */
 function problemOf(json, bufferViews) {
-  const { pages, bakedLights } = json.extensions[NAME];
+  const { pages, bakedLights = [] } = json.extensions[NAME];
   if (!Array.isArray(pages)) return "the file lists no pages";
   for (const [index, page] of pages.entries()) {
     const { bufferView, uri, width, height } = page ?? {};

@@ -32,6 +32,7 @@ function wholeSize(bytes) {
   }
   const [left, top, right, bottom] = [0, 4, 8, 12].map((byte) => view.getInt32(attributes.dataWindow + byte, true));
   const lines = LINES[view.getUint8(attributes.compression)];
+  if (!lines) return null;
   for (let line = top; line <= bottom; line += lines, at += 8) {
     const block = Number(view.getBigUint64(at, true));
     if (block + 8 + view.getUint32(block + 4, true) > bytes.byteLength) return null;

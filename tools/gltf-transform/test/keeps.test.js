@@ -116,11 +116,20 @@ for (const [name, change, problem] of PROBLEMS) {
   });
 }
 
+test("a file that names no lamps has none", async () => {
+  const reader = io(LuxelLightmap);
+  const document = await reader.readBinary(broken((map) => delete map.bakedLights));
+  assert.deepEqual(document.getRoot().getExtension(NAME).listBakedLights(), []);
+});
+
 test("a page is whole or it is not, wherever it ends", () => {
   const whole = Uint8Array.from(page(open(baked)));
   assert.deepEqual(sizeOf(whole), [128, 128]);
   for (let length = 0; length < whole.length; length += 97) assert.equal(sizeOf(whole.subarray(0, length)), null);
   assert.equal(sizeOf(whole.subarray(0, -1)), null);
+  const packed = Buffer.from(whole);
+  packed[packed.indexOf("compression\0compression\0") + 28] = 9;
+  assert.equal(sizeOf(packed), null);
 });
 
 test("nodes may move: lamps are found by what they are", async () => {
