@@ -59,10 +59,9 @@ pub fn place(path: &Path) -> Result<PathBuf> {
     if let Ok(place) = path.canonicalize() {
         return Ok(place);
     }
-    let folder = folder(path);
-    let within =
-        |e: io::Error| io::Error::new(e.kind(), format!("the folder {} cannot be used: {e}", folder.display()));
-    let place = folder.canonicalize().map_err(|e| Error::writing(path, within(e)))?;
+    let place = folder(path)
+        .canonicalize()
+        .map_err(|e| Error::writing(path, unusable(folder(path), &e.to_string(), e.kind())))?;
     Ok(place.join(path.file_name().unwrap_or_default()))
 }
 
@@ -81,9 +80,12 @@ pub(crate) fn temporary(path: &Path) -> io::Result<tempfile::NamedTempFile> {
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     builder.tempfile_in(folder(path)).map_err(|e| {
         // The reason names the temporary file, which means nothing to anybody.
-        let reason = e.to_string();
-        io::Error::new(e.kind(), reason.split(" at path ").next().unwrap_or_default())
+        unusable(folder(path), e.to_string().split(" at path ").next().unwrap_or_default(), e.kind())
     })
+}
+
+fn unusable(folder: &Path, reason: &str, kind: io::ErrorKind) -> io::Error {
+    io::Error::new(kind, format!("the folder {} cannot be used: {reason}", folder.display()))
 }
 
 #[cfg(test)]
@@ -114,7 +116,10 @@ mod tests {
     fn a_missing_folder_is_found_out_early() {
         let dir = tempfile::tempdir().unwrap();
         assert!(probe(&dir.path().join("a.txt")).is_ok());
-        assert!(probe(&dir.path().join("none/a.txt")).is_err());
+        let missing = dir.path().join("none/a.txt");
+        for error in [probe(&missing).unwrap_err(), place(&missing).map(drop).unwrap_err()] {
+            assert!(error.to_string().contains("none cannot be used: "), "{error}");
+        }
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
     }
 

@@ -88,7 +88,7 @@ fn files_that_are_not_baked_are_refused() {
 fn damaged_lightmaps_are_refused_by_their_part() {
     let ext = |json: &mut Value| json["extensions"]["LUXEL_lightmap"].take();
     type Change = fn(&mut Value, Value);
-    let cases: [(&str, Change); 9] = [
+    let cases: [(&str, Change); 11] = [
         ("pages", |json, _| json["extensions"]["LUXEL_lightmap"] = json!({ "pages": [] })),
         ("not one of the file's", |json, root| {
             json["nodes"][0]["extensions"]["LUXEL_lightmap"]["page"] = 7.into();
@@ -110,16 +110,24 @@ fn damaged_lightmaps_are_refused_by_their_part() {
             root["pages"][0]["uri"] = "gone.exr".into();
             json["extensions"]["LUXEL_lightmap"] = root;
         }),
+        ("in a bufferView or at a uri", |json, mut root| {
+            root["pages"][0]["bufferView"] = 0.into();
+            json["extensions"]["LUXEL_lightmap"] = root;
+        }),
+        ("its encoding is \"radiance\"", |json, mut root| {
+            root["pages"][0]["encoding"] = "radiance".into();
+            json["extensions"]["LUXEL_lightmap"] = root;
+        }),
+        ("its scale is not a number above 0", |json, mut root| {
+            root["pages"][0]["scale"] = (-1).into();
+            json["extensions"]["LUXEL_lightmap"] = root;
+        }),
         ("is 32 x 32, not 64 x 32", |json, mut root| {
             root["pages"][0]["width"] = 64.into();
             json["extensions"]["LUXEL_lightmap"] = root;
         }),
         ("bufferView is broken", |json, mut root| {
             root["pages"][0] = json!({ "bufferView": 999, "width": 32, "height": 32 });
-            json["extensions"]["LUXEL_lightmap"] = root;
-        }),
-        ("its baked light is gone", |json, mut root| {
-            root["bakedLights"] = json!([0]);
             json["extensions"]["LUXEL_lightmap"] = root;
         }),
     ];
@@ -129,8 +137,15 @@ fn damaged_lightmaps_are_refused_by_their_part() {
             let root = ext(json);
             damage(json, root);
         });
-        refused(&folder, named);
+        unreadable(&folder, named);
     }
+}
+
+#[test]
+fn a_scene_without_its_baked_light_is_refused() {
+    let folder = baked("");
+    change(&folder, |json| json["extensions"]["LUXEL_lightmap"]["bakedLights"] = json!([0]));
+    refused(&folder, "its baked light is gone");
 }
 
 #[test]
@@ -140,7 +155,7 @@ fn truncated_pages_are_refused() {
     let bytes = std::fs::read(&page).unwrap();
     for length in [0, 40, 300, bytes.len() / 2, bytes.len() - 1] {
         std::fs::write(&page, &bytes[..length]).unwrap();
-        refused(&folder, "damaged");
+        unreadable(&folder, "damaged");
     }
 }
 
@@ -175,7 +190,20 @@ fn what_is_out_of_range_is_wrong_usage() {
 
 #[track_caller]
 fn refused(folder: &Folder, named: &str) {
-    let said = folder.luxel(&format!("audit lit.gltf {FEW}"));
-    assert_eq!((said.code, said.out.as_str()), (3, ""), "{named}: {}", said.err);
-    assert!(said.err.contains(named) && said.err.contains("\n  "), "{named}: {}", said.err);
+    says_what_to_do(folder, &format!("audit lit.gltf {FEW}"), named);
+}
+
+/// Refused by everything that reads baked files.
+fn unreadable(folder: &Folder, named: &str) {
+    let before = folder.files();
+    refused(folder, named);
+    says_what_to_do(folder, "render lit.gltf -o a.png", named);
+    says_what_to_do(folder, "inspect lit.gltf -o a", named);
+    assert_eq!(folder.files(), before);
+}
+
+fn says_what_to_do(folder: &Folder, arguments: &str, named: &str) {
+    let said = folder.luxel(arguments);
+    assert_eq!((said.code, said.out.as_str()), (3, ""), "{arguments}, {named}: {}", said.err);
+    assert!(said.err.contains(named) && said.err.contains("\n  "), "{arguments}, {named}: {}", said.err);
 }

@@ -102,10 +102,6 @@ fn lamps_that_the_map_leaves_to_the_engine_are_drawn() {
 #[test]
 fn what_cannot_be_painted_is_refused() {
     let folder = baked("");
-    std::fs::write(folder.path("broken.gltf"), std::fs::read(folder.path("lit.gltf")).unwrap()).unwrap();
-    change(&folder, "broken.gltf", |lit| lit["extensions"]["LUXEL_lightmap"]["pages"][0]["width"] = 7.into());
-    std::fs::write(folder.path("missing.gltf"), std::fs::read(folder.path("lit.gltf")).unwrap()).unwrap();
-    change(&folder, "missing.gltf", |lit| lit["extensions"]["LUXEL_lightmap"]["pages"][0]["uri"] = "none.exr".into());
     for (arguments, code, what) in [
         ("render lit.gltf -o lit.jpg", 2, ".png or .exr"),
         ("render lit.gltf", 2, "--output"),
@@ -113,11 +109,18 @@ fn what_cannot_be_painted_is_refused() {
         ("render lit.gltf -o a.png --size 0x9", 2, "width and height"),
         ("render lit.gltf -o a.png --samples 0", 2, "0 is not in"),
         ("render lit.gltf -o a.png --camera Nobody", 2, "no camera `Nobody`"),
-        ("render lit.gltf -o none/a.png", 1, "none/a.png"),
+        ("render lit.gltf -o a.png --camera 1,2,3,4,5", 2, "six numbers"),
+        ("render lit.gltf -o a.png --camera 1,2,3,1,2,3", 2, "another target"),
+        ("render lit.gltf -o none/a.png", 1, "the folder none cannot be used"),
         ("render room.gltf -o a.png", 3, "bake it first"),
-        ("render broken.gltf -o a.png", 3, "not 7 x"),
-        ("render missing.gltf -o a.png", 3, "none.exr"),
         ("render none.gltf -o a.png", 3, "none.gltf"),
+        ("render", 2, "Usage: luxel render"),
+        ("inspect", 2, "Usage: luxel inspect"),
+        ("inspect lit.gltf", 2, "--output"),
+        ("inspect lit.gltf -o pictures --camera Nobody", 2, "no camera `Nobody`"),
+        ("inspect lit.gltf -o none/pictures", 1, "the folder none cannot be used"),
+        ("inspect lit.gltf -o room.gltf/pictures", 1, "the folder room.gltf cannot be used"),
+        ("inspect none.gltf -o pictures", 3, "none.gltf"),
         ("inspect room.gltf -o pictures", 3, "bake it first"),
         ("inspect lit.gltf -o room.gltf", 2, "is not a folder"),
     ] {
@@ -171,6 +174,23 @@ fn receivers_are_those_of_the_bake() {
     let (some, _) = bright("--rays 16 --receivers auto");
     let (more, _) = bright("--rays 1024 --receivers auto");
     assert!(all == texels && some < more && more < texels, "{some} {more} {texels}");
+}
+
+#[test]
+fn what_is_enclosed_is_about_what_the_bake_found() {
+    let folder = Folder::new();
+    std::fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/room.glb"), folder.path("room.glb")).unwrap();
+    let said = folder.luxel("bake room.glb -o lit.glb --resolution 256 --rays 16 --quiet --report a.json");
+    assert_eq!(said.code, 0, "{}", said.err);
+    let report: Value = serde_json::from_slice(&std::fs::read(folder.path("a.json")).unwrap()).unwrap();
+    let said = folder.luxel("inspect lit.glb -o pictures --points 10");
+    assert_eq!((said.code, said.err.as_str()), (0, ""));
+    let picture = decode(&std::fs::read(folder.path("pictures/page0.validity.png")).unwrap()).unwrap();
+    let red = picture.rgba.iter().filter(|c| c[0] > 200 && c[1] < 50).count();
+    assert!(said.out.contains(&format!("{red} texels are enclosed")), "{red}: {}", said.out);
+    // The bake asks 16 points of each texel, the inspection 8.
+    let share = red as f64 / report["buried_texels"].as_f64().unwrap();
+    assert!((0.95..1.05).contains(&share), "{share}");
 }
 
 #[cfg(unix)]

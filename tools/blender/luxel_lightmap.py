@@ -12,7 +12,7 @@ second time, metals mirror them, and lamps that are not in the map shine as ever
 """
 
 import struct
-from math import pi
+from math import isfinite, pi
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -91,7 +91,7 @@ def read(root, gltf):
     try:
         for index, page in enumerate(pages):
             images.append((picture(page, index, gltf), float(page["scale"])))
-    except Problem:
+    except Exception:
         for image, _ in images:
             bpy.data.images.remove(image)
         raise
@@ -100,13 +100,20 @@ def read(root, gltf):
 
 def checked(place, pages, node):
     """Page, texture coordinates, offset and scale of a node."""
-    page, texcoord = place.get("page"), place.get("texCoord", 1)
-    offset, scale = place.get("offset", [0, 0]), place.get("scale", [1, 1])
-    if not isinstance(page, int) or not 0 <= page < len(pages):
+    page, texcoord, offset, scale = (place.get(key) for key in ("page", "texCoord", "offset", "scale"))
+    if not is_index(page, pages):
         raise Problem(f"{node} is on page {page}, but the file has {len(pages)}")
-    if not isinstance(texcoord, int) or len(offset) != 2 or len(scale) != 2:
+    if not isinstance(texcoord, int) or texcoord < 0 or not all(is_pair(pair) for pair in (offset, scale)):
         raise Problem(f"{node} has no rectangle that makes sense")
     return page, texcoord, offset, scale
+
+
+def is_index(value, things):
+    return isinstance(value, int) and 0 <= value < len(things)
+
+
+def is_pair(value):
+    return isinstance(value, list) and len(value) == 2 and all(isinstance(x, (int, float)) and isfinite(x) for x in value)
 
 
 def picture(page, index, gltf):
@@ -115,7 +122,7 @@ def picture(page, index, gltf):
     if page.get("encoding") != "irradiance":
         raise Problem(f"{name} holds {page.get('encoding')}, not irradiance")
     scale = page.get("scale")
-    if not isinstance(scale, (int, float)) or not 0 < scale < float("inf"):
+    if not isinstance(scale, (int, float)) or not (isfinite(scale) and scale > 0):
         raise Problem(f"{name} has the scale {scale}")
     data = content(page, name, gltf)
     size, wished = exr_size(data, name), (page.get("width"), page.get("height"))
@@ -133,17 +140,17 @@ def picture(page, index, gltf):
 
 def content(page, name, gltf):
     """The bytes of a page, from the file or from beside it."""
+    views = gltf.data.buffer_views or []
+    if ("uri" in page) == is_index(page.get("bufferView"), views):
+        raise Problem(f"{name} has to be in a bufferView of the file or at a uri")
     if "uri" in page:
         place = Path(gltf.filename).parent / unquote(page["uri"])
         try:
             return place.read_bytes()
         except OSError as error:
             raise Problem(f"{name} ({page['uri']}) cannot be read: {error.strerror}") from error
-    views, index = gltf.data.buffer_views or [], page.get("bufferView")
-    if not isinstance(index, int) or not 0 <= index < len(views):
-        raise Problem(f"{name} is neither in the file nor beside it")
     from io_scene_gltf2.io.imp.gltf2_io_binary import BinaryData
-    return bytes(BinaryData.get_buffer_view(gltf, index))
+    return bytes(BinaryData.get_buffer_view(gltf, page["bufferView"]))
 
 
 def exr_size(data, name):
@@ -156,7 +163,7 @@ def exr_size(data, name):
         while data[at]:
             key, kind, rest = data[at:].split(b"\0", 2)
             at += len(key) + len(kind) + 2
-            length = struct.unpack_from("<i", data, at)[0]
+            length = struct.unpack_from("<I", data, at)[0]
             attributes[key] = data[at + 4:at + 4 + length]
             at += 4 + length
         left, top, right, bottom = struct.unpack("<4i", attributes[b"dataWindow"])
@@ -164,7 +171,7 @@ def exr_size(data, name):
         lines = [1, 1, 1, 16][attributes[b"compression"][0]]
         blocks = -(-(bottom - top + 1) // lines)
         for offset in struct.unpack_from(f"<{blocks}Q", data, at + 1):
-            if offset + 8 + struct.unpack_from("<2i", data, offset)[1] > len(data):
+            if offset + 8 + struct.unpack_from("<2I", data, offset)[1] > len(data):
                 raise broken
     except (struct.error, IndexError, KeyError, ValueError) as error:
         raise broken from error

@@ -235,14 +235,23 @@ class Scenes(unittest.TestCase):
                 page = document["extensions"]["LUXEL_lightmap"]["pages"][0]
                 change(document["bufferViews"][page["bufferView"]], binary)
             return apply
+        beside = {"uri": "none.exr", "width": 256, "height": 256, "encoding": "irradiance", "scale": 1}
+        def endless(view, binary):
+            """The length of the first attribute leads back to its name."""
+            at = view["byteOffset"] + 8
+            for _ in range(2):
+                at = binary.index(0, at) + 1
+            struct.pack_into("<i", binary, at, view["byteOffset"] + 8 - at - 4)
         def blank(view, binary):
             binary[view["byteOffset"]:view["byteOffset"] + 4] = b"\0\0\0\0"
         cases = [
             (root(lambda map: map.update(pages=[])), "lists no pages"),
             (root(lambda map: map.update(pages={})), "lists no pages"),
-            (root(lambda map: map["pages"][0].pop("bufferView")), "page 0 is neither"),
-            (root(lambda map: map["pages"][0].update(bufferView=999)), "page 0 is neither"),
-            (root(lambda map: map["pages"][0].update(uri="none.exr")), "page 0 (none.exr) cannot be read: No such file"),
+            (root(lambda map: map["pages"][0].pop("bufferView")), "page 0 has to be in a bufferView of the file or at a uri"),
+            (root(lambda map: map["pages"][0].update(bufferView=999)), "page 0 has to be in a bufferView of the file or at a uri"),
+            (root(lambda map: map["pages"][0].update(uri="none.exr")), "page 0 has to be in a bufferView of the file or at a uri"),
+            (root(lambda map: map.update(pages=[beside])), "page 0 (none.exr) cannot be read: No such file"),
+            (root(lambda map: map.update(bakedLights=5)), "make no sense"),
             (root(lambda map: map["pages"][0].update(encoding="radiance")), "page 0 holds radiance"),
             (root(lambda map: map["pages"][0].pop("scale")), "page 0 has the scale None"),
             (root(lambda map: map["pages"][0].update(width=255)), "page 0 is 256 x 256, not 255 x 256"),
@@ -254,7 +263,10 @@ class Scenes(unittest.TestCase):
             (node(lambda place: place.update(page="x")), "is on page x, but the file has 1"),
             (node(lambda place: place.update(texCoord=5)), "has a mesh without TEXCOORD_5"),
             (node(lambda place: place.update(scale=[1])), "has no rectangle that makes sense"),
-            (node(lambda place: place.update(scale=None)), "make no sense"),
+            (node(lambda place: place.update(texCoord=-1)), "has no rectangle that makes sense"),
+            (node(lambda place: place.update(scale=None)), "has no rectangle that makes sense"),
+            (node(lambda place: place.update(offset=["a", "b"])), "has no rectangle that makes sense"),
+            (view(endless), "page 0 is not a whole EXR picture"),
         ]
         for change, problem in cases:
             with self.subTest(problem):

@@ -4,8 +4,11 @@
 //   import { LuxelLightmap } from "luxel-gltf-transform";
 //
 //   const io = new NodeIO().registerExtensions([...ALL_EXTENSIONS, LuxelLightmap]);
+//
+// A lightmap with anything wrong about it is left out, and one line of the log says why.
 
 import { Extension, ExtensionProperty, PropertyType, RefList } from "@gltf-transform/core";
+import { sizeOf } from "./picture.js";
 
 const NAME = "LUXEL_lightmap";
 
@@ -66,13 +69,18 @@ export class LuxelLightmap extends Extension {
     const { json } = context.jsonDoc;
     const definition = json.extensions?.[NAME];
     if (!definition) return this;
+    const problem = problemOf(json, context.bufferViews);
+    if (problem) {
+      this.document.getLogger().warn(`${NAME}: ${problem}; the scene is read without its lightmap`);
+      for (const owner of [this.document.getRoot(), ...context.nodes]) dropMirror(owner);
+      this.dispose();
+      return this;
+    }
     const graph = this.document.getGraph();
     const lightmap = new Lightmap(graph);
     lightmap.set("definition", definition);
-    lightmap.set("pictures", (definition.pages ?? []).map(({ bufferView }) => context.bufferViews[bufferView] ?? null));
-    for (const index of definition.bakedLights ?? []) {
-      if (context.nodes[index]) lightmap.addRef("bakedLights", context.nodes[index]);
-    }
+    lightmap.set("pictures", definition.pages.map(({ bufferView }) => context.bufferViews[bufferView] ?? null));
+    for (const index of definition.bakedLights ?? []) lightmap.addRef("bakedLights", context.nodes[index]);
     this.document.getRoot().setExtension(NAME, lightmap);
     (json.nodes ?? []).forEach((node, index) => {
       const place = node.extensions?.[NAME];
@@ -109,6 +117,35 @@ export class LuxelLightmap extends Extension {
     }
     return this;
   }
+}
+
+/** What is wrong with a lightmap, in one line. Pages beside the file are not looked at: glTF-Transform does not read them. */
+function problemOf(json, bufferViews) {
+  const { pages, bakedLights = [] } = json.extensions[NAME];
+  if (!Array.isArray(pages)) return "the file lists no pages";
+  for (const [index, page] of pages.entries()) {
+    const { bufferView, uri, width, height } = page ?? {};
+    const known = bufferView === undefined ? typeof uri === "string" : uri === undefined && bufferViews[bufferView];
+    if (!known) return `page ${index} has to be in a bufferView of the file or at a uri`;
+    if (uri !== undefined) continue;
+    const size = sizeOf(bufferViews[bufferView]);
+    if (!size) return `page ${index} is not a whole EXR picture`;
+    if (size[0] !== width || size[1] !== height) return `page ${index} is ${size.join(" x ")}, not ${width} x ${height}`;
+  }
+  const nodes = json.nodes ?? [];
+  for (const [index, node] of nodes.entries()) {
+    const place = node.extensions?.[NAME];
+    if (!place || (Number.isInteger(place.page) && pages[place.page])) continue;
+    return `node ${index} (${node.name}) is on page ${place.page}, but the file has ${pages.length}`;
+  }
+  if (!Array.isArray(bakedLights) || !bakedLights.every((light) => nodes[light])) return "its bakedLights are no nodes of the file";
+  return null;
+}
+
+/** Takes what `bind` mirrors out of `extras.luxel`. */
+function dropMirror(owner) {
+  const { luxel } = owner.getExtras();
+  if (luxel?.lightmap) owner.setExtras({ ...owner.getExtras(), luxel: { ...luxel, lightmap: undefined } });
 }
 
 /** Puts the extension in place, and into the mirror in `extras.luxel` where there is one. */

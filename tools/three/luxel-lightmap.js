@@ -139,11 +139,12 @@ export class LuxelLightmap {
 
 function checkPages(json, pages) {
   if (!Array.isArray(pages)) fail("the file lists no pages");
-  pages.forEach(({ bufferView, uri, encoding, scale }, index) => {
-    const known = bufferView === undefined ? typeof uri === "string" : uri === undefined && json.bufferViews?.[bufferView];
-    if (!known) fail(`page ${index} is neither in a bufferView of the file nor at a uri`);
+  pages.forEach((page, index) => {
+    const { bufferView, uri, encoding, scale } = page ?? {};
+    const known = bufferView === undefined ? typeof uri === "string" : uri === undefined && isIndex(bufferView, json.bufferViews);
+    if (!known) fail(`page ${index} has to be in a bufferView of the file or at a uri`);
     if (encoding !== "irradiance") fail(`page ${index} holds ${encoding}, not irradiance`);
-    if (!(scale > 0 && scale < Infinity)) fail(`page ${index} has the scale ${scale}`);
+    if (!(Number.isFinite(scale) && scale > 0)) fail(`page ${index} has the scale ${scale}`);
   });
 }
 
@@ -155,7 +156,7 @@ function checkedPlaces(json, pages) {
     if (!place) return;
     const label = node.name ? `node ${index} (${node.name})` : `node ${index}`;
     const { page, texCoord, offset, scale } = place;
-    if (!pages[page]) fail(`${label} is on page ${page}, but the file has ${pages.length}`);
+    if (!isIndex(page, pages)) fail(`${label} is on page ${page}, but the file has ${pages.length}`);
     if (!isPair(offset) || !isPair(scale)) fail(`${label} has no offset and scale of two numbers each`);
     if (!(Number.isInteger(texCoord) && texCoord >= 0 && texCoord < CHANNELS)) {
       fail(`${label} uses TEXCOORD_${texCoord}; three.js reads TEXCOORD_0 to TEXCOORD_${CHANNELS - 1}`);
@@ -193,6 +194,10 @@ function narrowed(floats) {
   const largest = floats.reduce((a, b) => Math.max(a, b), 0);
   const factor = 2 ** Math.max(0, Math.ceil(Math.log2(largest / LARGEST_HALF)));
   return { data: Uint16Array.from(floats, (x) => DataUtils.toHalfFloat(x / factor)), factor };
+}
+
+function isIndex(value, list) {
+  return Number.isInteger(value) && value >= 0 && value < (list?.length ?? 0);
 }
 
 function isPair(value) {

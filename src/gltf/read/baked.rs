@@ -140,10 +140,18 @@ fn content(document: &Document, page: &Value) -> Result<Content> {
 fn map(document: &Document, page: &Value, place: &str) -> Result<Map> {
     let fail = |problem: String| broken(document, place, problem);
     let bytes = match (page.get("uri").and_then(Value::as_str), page.get("bufferView").and_then(Value::as_u64)) {
-        (Some(uri), _) => linked(&document.path, uri, &format!("{PLACE}.{place}"))?,
+        (Some(uri), None) => linked(&document.path, uri, &format!("{PLACE}.{place}"))?,
         (None, Some(view)) => view_bytes(document, view).ok_or_else(|| fail("its bufferView is broken".into()))?,
-        _ => return Err(fail("has neither a bufferView nor a uri".into())),
+        _ => return Err(fail("it is to be in a bufferView or at a uri".into())),
     };
+    let encoding = page.get("encoding").and_then(Value::as_str).unwrap_or_default();
+    if encoding != "irradiance" {
+        return Err(fail(format!("its encoding is {encoding:?}, not \"irradiance\"")));
+    }
+    let scale = page.get("scale").and_then(Value::as_f64).unwrap_or(0.0) as f32;
+    if !(scale > 0.0 && scale.is_finite()) {
+        return Err(fail("its scale is not a number above 0".into()));
+    }
     let edge = |key: &str| page.get(key).and_then(Value::as_u64).unwrap_or(0).min(u32::MAX.into()) as u32;
     let declared = UVec2::new(edge("width"), edge("height"));
     let size = exr::size(&bytes).map_err(|e| fail(format!("its picture is damaged: {e}")))?;
@@ -152,7 +160,6 @@ fn map(document: &Document, page: &Value, place: &str) -> Result<Map> {
         return Err(fail(format!("its picture is {} x {}, not {} x {}", size.x, size.y, declared.x, declared.y)));
     }
     let (_, texels) = exr::decode(&bytes).map_err(|e| fail(format!("its picture is damaged: {e}")))?;
-    let scale = page.get("scale").and_then(Value::as_f64).unwrap_or(1.0) as f32;
     let irradiance: Vec<Vec3> = texels.into_iter().map(|t| t * scale).collect();
     if !irradiance.iter().all(|e| e.is_finite()) {
         return Err(fail("holds values that are not finite".into()));

@@ -95,7 +95,7 @@ impl Page {
     fn check(&self) -> Result<(), Problem> {
         match self {
             Page { buffer_view, uri, .. } if buffer_view.is_some() == uri.is_some() => {
-                Err("is neither in a bufferView of the file nor at a uri".into())
+                Err("has to be in a bufferView of the file or at a uri".into())
             }
             Page { encoding, .. } if encoding != "irradiance" => Err(format!("holds {encoding}, not irradiance")),
             Page { scale, .. } if !(*scale > 0.0 && scale.is_finite()) => Err(format!("has the scale {scale}")),
@@ -202,9 +202,15 @@ mod tests {
             (problem(|f| node(f, "texCoord", json!(2))), "TEXCOORD_2"),
             (problem(|f| node(f, "scale", json!([0.9, 0.1]))), "node 0 (Wall) reaches beyond its page"),
             (problem(|f| node(f, "offset", json!(null))), "the data of node 0 (Wall) make no sense"),
+            (problem(|f| node(f, "offset", json!([1e39, 0]))), "node 0 (Wall) reaches beyond its page"),
+            (problem(|f| node(f, "page", json!(-1))), "the data of node 0 (Wall) make no sense"),
             (problem(|f| page(f, "scale", json!(0.0))), "page 0 has the scale 0"),
             (problem(|f| page(f, "encoding", json!("radiance"))), "page 0 holds radiance, not irradiance"),
-            (problem(|f| page(f, "bufferView", json!(null))), "page 0 is neither"),
+            (
+                problem(|f| page(f, "bufferView", json!(null))),
+                "page 0 has to be in a bufferView of the file or at a uri",
+            ),
+            (problem(|f| page(f, "uri", json!("a.exr"))), "page 0 has to be in a bufferView of the file or at a uri"),
             (problem(|f| f["extensions"][NAME] = json!({})), "the data of the file make no sense"),
             (
                 problem(|f| {

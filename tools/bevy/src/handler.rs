@@ -141,7 +141,9 @@ async fn bytes(
         return load_context.read_asset_bytes(path).await.map_err(|error| missing(&error));
     }
     let view = page.buffer_view.and_then(|index| document.views().nth(index));
-    let bytes =
-        view.and_then(|view| buffers.get(view.buffer().index())?.get(view.offset()..view.offset() + view.length()));
-    bytes.map(<[u8]>::to_vec).ok_or_else(|| "names a bufferView that the file does not have".into())
+    let bytes = view.and_then(|view| {
+        let end = view.offset().checked_add(view.length())?;
+        buffers.get(view.buffer().index())?.get(view.offset()..end)
+    });
+    bytes.map(<[u8]>::to_vec).ok_or_else(|| "has to be in a bufferView of the file or at a uri".into())
 }

@@ -181,12 +181,29 @@ fn what_is_broken_leaves_the_scene_as_it_was() {
         std::fs::write(&file, odd.to_string()).unwrap();
         check(what);
     }
-    let mut odd = json.clone();
-    let node =
-        odd["nodes"].as_array_mut().unwrap().iter_mut().find(|n| n["extensions"].get("LUXEL_lightmap").is_some());
-    node.unwrap()["extensions"]["LUXEL_lightmap"]["page"] = json!(9);
-    std::fs::write(&file, odd.to_string()).unwrap();
-    check("is on page 9, but the file has 3");
+    for (key, value, what) in
+        [("page", json!(9), "is on page 9, but the file has 3"), ("texCoord", json!(0), "needs TEXCOORD_0; Bevy reads")]
+    {
+        let mut odd = json.clone();
+        let mut nodes = odd["nodes"].as_array_mut().unwrap().iter_mut();
+        let node = nodes.find(|n| n["extensions"].get("LUXEL_lightmap").is_some());
+        node.unwrap()["extensions"]["LUXEL_lightmap"][key] = value;
+        std::fs::write(&file, odd.to_string()).unwrap();
+        check(what);
+    }
+    // In the file, where there is nothing, or beyond all numbers.
+    let views = json["bufferViews"].as_array().unwrap().len();
+    let nowhere = "page 0 has to be in a bufferView of the file";
+    for (view, what) in [(json!(views), nowhere), (json!(views + 1), nowhere), (json!(-1), "make no sense")] {
+        let mut odd = json.clone();
+        let beyond = json!({ "buffer": 0, "byteOffset": u64::MAX, "byteLength": u64::MAX });
+        odd["bufferViews"].as_array_mut().unwrap().push(beyond);
+        let page = odd["extensions"]["LUXEL_lightmap"]["pages"][0].as_object_mut().unwrap();
+        page.remove("uri");
+        page.insert("bufferView".into(), view);
+        std::fs::write(&file, odd.to_string()).unwrap();
+        check(what);
+    }
 }
 
 #[test]

@@ -10,6 +10,7 @@ import { NodeIO } from "@gltf-transform/core";
 import { ALL_EXTENSIONS } from "@gltf-transform/extensions";
 import { dedup, prune, quantize, unpartition } from "@gltf-transform/functions";
 import { LuxelLightmap } from "luxel-gltf-transform";
+import { sizeOf } from "../picture.js";
 
 const { LUXEL } = process.env;
 const ASSETS = new URL("../../../assets/", import.meta.url).pathname;
@@ -72,6 +73,64 @@ async function written(name, ...transforms) {
 }
 
 test("a file that is read and written keeps its lightmap", async () => assertKept(await written("same.glb")));
+
+/** The baked file after `change`d its JSON. */
+function broken(change) {
+  const { json, bin } = open(baked);
+  change(json.extensions[NAME], json, bin);
+  const text = Buffer.from(JSON.stringify(json));
+  const head = Buffer.alloc(20);
+  const padded = Buffer.concat([text, Buffer.alloc(-text.length & 3, " ")]);
+  head.write("glTF");
+  [2, 28 + padded.length + bin.length, padded.length].forEach((number, i) => head.writeUInt32LE(number, 4 + 4 * i));
+  head.write("JSON", 16);
+  const binHead = Buffer.alloc(8);
+  binHead.writeUInt32LE(bin.length);
+  binHead.write("BIN\0", 4);
+  return Buffer.concat([head, padded, binHead, bin]);
+}
+
+const view = (map, json) => json.bufferViews[map.pages[0].bufferView];
+const placed = (json) => json.nodes.find((node) => node.extensions?.[NAME]).extensions[NAME];
+const PROBLEMS = [
+  ["no pages", (map) => (map.pages = {}), "the file lists no pages"],
+  ["a missing page", (map) => (map.pages[0].bufferView = 999), "page 0 has to be in a bufferView of the file or at a uri"],
+  ["two places", (map) => (map.pages[0].uri = "none.exr"), "page 0 has to be in a bufferView of the file or at a uri"],
+  ["a truncated page", (map, json) => (view(map, json).byteLength -= 1), "page 0 is not a whole EXR picture"],
+  ["another picture", (map, json, bin) => bin.fill(0, view(map, json).byteOffset), "page 0 is not a whole EXR picture"],
+  ["a wrong size", (map) => (map.pages[0].width = 129), "page 0 is 128 x 128, not 129 x 128"],
+  ["no such page", (map, json) => (placed(json).page = 7), "is on page 7, but the file has 1"],
+  ["no such lamp", (map) => (map.bakedLights = [999]), "its bakedLights are no nodes of the file"],
+];
+for (const [name, change, problem] of PROBLEMS) {
+  test(`a lightmap that is broken is left out, and one line says why: ${name}`, async () => {
+    const said = [];
+    const reader = io(LuxelLightmap).setLogger({ ...silent, warn: (line) => said.push(line) });
+    const file = join(folder, "broken.glb");
+    await reader.write(file, await reader.readBinary(broken(change)));
+    assert.equal(said.length, 1);
+    assert.ok(said[0].startsWith(`${NAME}: `) && said[0].includes(problem) && !said[0].includes("\n"), said[0]);
+    const { json } = open(file);
+    assert.ok(!JSON.stringify(json).includes("lightmap"));
+    assert.ok(json.meshes.length > 0 && json.nodes.some((node) => node.extensions?.KHR_lights_punctual));
+  });
+}
+
+test("a file that names no lamps has none", async () => {
+  const reader = io(LuxelLightmap);
+  const document = await reader.readBinary(broken((map) => delete map.bakedLights));
+  assert.deepEqual(document.getRoot().getExtension(NAME).listBakedLights(), []);
+});
+
+test("a page is whole or it is not, wherever it ends", () => {
+  const whole = Uint8Array.from(page(open(baked)));
+  assert.deepEqual(sizeOf(whole), [128, 128]);
+  for (let length = 0; length < whole.length; length += 97) assert.equal(sizeOf(whole.subarray(0, length)), null);
+  assert.equal(sizeOf(whole.subarray(0, -1)), null);
+  const packed = Buffer.from(whole);
+  packed[packed.indexOf("compression\0compression\0") + 28] = 9;
+  assert.equal(sizeOf(packed), null);
+});
 
 test("nodes may move: lamps are found by what they are", async () => {
   const drop = (document) => {

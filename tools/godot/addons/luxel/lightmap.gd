@@ -5,6 +5,7 @@ extends GLTFDocumentExtension
 ## Pages become the layers of one texture that holds E / pi; lit nodes are its users. Lights that
 ## are in the map are "static": they light nothing that has a lightmap. If anything about the
 ## lightmap is wrong, the scene is as it would be without this extension, and one warning says why.
+## What the file says may be of any type: nothing is used before its type is known.
 
 const NAME := "LUXEL_lightmap"
 ## What half floats can hold.
@@ -18,10 +19,9 @@ func _get_supported_extensions() -> PackedStringArray:
 
 
 func _import_post(state: GLTFState, root: Node) -> Error:
-	var data: Variant = state.json.get("extensions", {}).get(NAME)
-	if data == null:
+	if not _extensions(state.json).has(NAME):
 		return OK
-	var made := _read(state, data)
+	var made := _read(state, _dictionary(_extensions(state.json)[NAME]))
 	if made.has("problem"):
 		var file := state.filename
 		push_warning(
@@ -34,57 +34,75 @@ func _import_post(state: GLTFState, root: Node) -> Error:
 
 ## Everything, checked before anything is changed: pages as images, places by node, baked lights;
 ## or a problem.
-func _read(state: GLTFState, data: Variant) -> Dictionary:
-	if not data is Dictionary or not data.get("pages") is Array or data.pages.is_empty():
+func _read(state: GLTFState, data: Dictionary) -> Dictionary:
+	var pages := _list(data.get("pages"))
+	if pages.is_empty():
 		return {"problem": "the file lists no pages"}
 	var images: Array[Image] = []
-	for index: int in data.pages.size():
-		var page := _page(state, data.pages[index])
+	for index: int in pages.size():
+		var page := _page(state, _dictionary(pages[index]))
 		if page.has("problem"):
 			return {"problem": "page %d %s" % [index, page.problem]}
 		images.append(page.image)
 	var places := {}
 	var nodes: Array = state.json.get("nodes", [])
 	for index: int in nodes.size():
-		var place: Variant = nodes[index].get("extensions", {}).get(NAME)
-		if place == null:
+		if not _extensions(nodes[index]).has(NAME):
 			continue
+		var place := _dictionary(_extensions(nodes[index])[NAME])
 		var problem := _misplaced(state, nodes[index], place, images.size())
 		if problem:
 			return {"problem": "node %d (%s) %s" % [index, nodes[index].get("name", ""), problem]}
 		places[index] = place
-	return {"images": images, "places": places, "lights": data.get("bakedLights", [])}
+	var lights := _list(data.get("bakedLights")).map(
+		func(light: Variant) -> int: return _index(light, nodes.size())
+	)
+	return {
+		"images": images,
+		"places": places,
+		"lights": lights.filter(func(i: int) -> bool: return i >= 0)
+	}
 
 
 ## A page as an image of E / pi, or a problem.
-func _page(state: GLTFState, page: Variant) -> Dictionary:
-	if not page is Dictionary or page.get("encoding") != "irradiance":
-		return {"problem": "holds no irradiance"}
-	var scale: float = page.get("scale", 0.0)
-	if not (scale > 0.0 and is_finite(scale)):
-		return {"problem": "has the scale %s" % scale}
+func _page(state: GLTFState, page: Dictionary) -> Dictionary:
+	var problem := _undefined(state, page)
+	if problem:
+		return {"problem": problem}
 	var bytes := _bytes(state, page)
 	if bytes.is_empty():
-		return {"problem": "(%s) is missing" % page.get("uri", "in the file")}
+		return {"problem": "(%s) is missing" % str(page.get("uri", "in the file"))}
 	var image := _decoded(bytes)
 	if image == null or image.is_empty():
 		return {"problem": "is not a whole EXR picture"}
-	var wished := Vector2i(int(page.get("width", 0)), int(page.get("height", 0)))
-	if image.get_size() != wished:
-		var size := [image.get_width(), image.get_height(), wished.x, wished.y]
-		return {"problem": "is %d x %d, not %d x %d" % size}
-	return {"image": _scaled(image, scale / PI)}
+	var size := [image.get_width(), image.get_height()]
+	if size[0] != _number(page.get("width")) or size[1] != _number(page.get("height")):
+		size.append_array([str(page.get("width")), str(page.get("height"))])
+		return {"problem": "is %d x %d, not %s x %s" % size}
+	return {"image": _scaled(image, page.scale / PI)}
+
+
+## Why a page cannot be read, by what is said of it; or nothing.
+func _undefined(state: GLTFState, page: Dictionary) -> String:
+	if str(page.get("encoding")) != "irradiance":
+		return "holds %s, not irradiance" % str(page.get("encoding"))
+	var scale := _number(page.get("scale"))
+	if not (scale > 0.0 and is_finite(scale)):
+		return "has the scale %s" % str(page.get("scale"))
+	var in_file := _index(page.get("bufferView"), state.get_buffer_views().size()) >= 0
+	if in_file == page.has("uri"):
+		return "has to be in a bufferView of the file or at a uri"
+	return ""
 
 
 ## The bytes of a page, from the file or from beside it; none if it is not there.
 func _bytes(state: GLTFState, page: Dictionary) -> PackedByteArray:
 	if page.has("uri"):
-		return FileAccess.get_file_as_bytes(state.base_path.path_join(str(page.uri).uri_decode()))
-	var views := state.get_buffer_views()
-	var index := int(page.get("bufferView", -1))
-	if index < 0 or index >= views.size():
-		return []
-	var view := views[index]
+		var path := state.base_path.path_join(str(page.uri).uri_decode())
+		if not FileAccess.file_exists(path):
+			return []
+		return FileAccess.get_file_as_bytes(path)
+	var view := state.get_buffer_views()[int(page.bufferView)]
 	if view.buffer < 0 or view.buffer >= state.buffers.size():
 		return []
 	return state.buffers[view.buffer].slice(view.byte_offset, view.byte_offset + view.byte_length)
@@ -120,24 +138,46 @@ func _scaled(image: Image, factor: float) -> Image:
 
 
 ## Why a node cannot be lit, or nothing.
-func _misplaced(state: GLTFState, node: Dictionary, place: Variant, pages: int) -> String:
-	if (
-		not place is Dictionary
-		or not (_is_pair(place.get("offset")) and _is_pair(place.get("scale")))
-	):
+func _misplaced(state: GLTFState, node: Dictionary, place: Dictionary, pages: int) -> String:
+	if not (_is_pair(place.get("offset")) and _is_pair(place.get("scale"))):
 		return "has no rectangle that makes sense"
-	var page := int(place.get("page", -1))
-	if page < 0 or page >= pages:
-		return "is on page %d, but the file has %d" % [page, pages]
-	var set_of_uv := "TEXCOORD_%d" % place.get("texCoord", 1)
-	for primitive: Dictionary in _primitives(state, node):
-		if set_of_uv != "TEXCOORD_1" or not primitive.attributes.has(set_of_uv):
-			return "needs %s; Godot reads lightmaps with TEXCOORD_1" % set_of_uv
+	if _index(place.get("page"), pages) < 0:
+		return "is on page %s, but the file has %d" % [str(place.get("page")), pages]
+	var in_all := _primitives(state, node).all(
+		func(p: Dictionary) -> bool: return p.attributes.has("TEXCOORD_1")
+	)
+	if _number(place.get("texCoord")) != 1.0 or not in_all:
+		var wished := str(place.get("texCoord"))
+		return "needs TEXCOORD_%s; Godot reads lightmaps with TEXCOORD_1" % wished
 	return ""
 
 
+func _extensions(owner: Dictionary) -> Dictionary:
+	return _dictionary(owner.get("extensions"))
+
+
+func _dictionary(value: Variant) -> Dictionary:
+	return value if value is Dictionary else {}
+
+
+func _list(value: Variant) -> Array:
+	return value if value is Array else []
+
+
+## A number, or NAN, which is neither less nor more than anything.
+func _number(value: Variant) -> float:
+	return float(value) if value is float or value is int else NAN
+
+
+## An index of so many things, or -1.
+func _index(value: Variant, count: int) -> int:
+	var number := _number(value)
+	return int(number) if number >= 0.0 and number < count and number == floorf(number) else -1
+
+
 func _is_pair(value: Variant) -> bool:
-	return value is Array and value.size() == 2
+	var numbers := _list(value).map(_number)
+	return numbers.size() == 2 and numbers.all(func(x: float) -> bool: return is_finite(x))
 
 
 func _primitives(state: GLTFState, node: Dictionary) -> Array:
@@ -186,8 +226,8 @@ func _show(state: GLTFState, root: Node, made: Dictionary) -> void:
 	lightmap.light_data = light
 	root.add_child(lightmap)
 	lightmap.owner = root
-	for index: Variant in made.lights:
-		var lamp := state.get_scene_node(int(index)) as Light3D
+	for index: int in made.lights:
+		var lamp := state.get_scene_node(index) as Light3D
 		if lamp != null:
 			lamp.light_bake_mode = Light3D.BAKE_STATIC
 
