@@ -1,6 +1,9 @@
 //! Anderson acceleration (1965) of the fixed-point map: of what the last steps did to the residual, as much as makes it
 //! smallest, then a plain iteration. On a linear map these are the iterates of GMRES (Walker and Ni, 2011), here of the
 //! last [`DEPTH`] directions, each for the price of one look. It needs no bound on the spectrum, nor a real one.
+//!
+//! The first directions are free: light that is the same everywhere, and what is left of it after one bounce, two, and
+//! so on, which the bound has asked for. They are the ambient estimate of progressive refinement, and fade as spaces do.
 
 use super::{
     Method, System,
@@ -11,7 +14,9 @@ use rayon::prelude::*;
 use std::collections::VecDeque;
 
 /// Directions kept, at 24 bytes a receiver. Measured: fewer need more steps, more hardly fewer.
-const DEPTH: usize = 6;
+const DEPTH: usize = 10;
+/// Square of the share of an image that rounding may leave of it: there are [`DEPTH`] in single precision, 2^-24 each.
+const ROUNDING: f64 = 1e-12;
 
 /// Held for each unknown.
 pub const BYTES: u64 = (2 * DEPTH * size_of::<Vec3>() + 5 * size_of::<DVec3>()) as u64;
@@ -44,12 +49,16 @@ impl Method for Anderson {
 }
 
 impl Anderson {
+    /// `powers`: 1, K 1, K K 1 and so on.
+    pub fn new(powers: &[Vec<DVec3>]) -> Self {
+        let mut anderson = Anderson::default();
+        powers.windows(2).for_each(|p| anderson.learn(p[0].clone(), difference(&p[0], &p[1])));
+        anderson
+    }
+
     /// Keeps a step and its image, which is made orthogonal to those that are kept already (classical Gram-Schmidt: each
     /// vector is read once).
     fn learn(&mut self, mut step: Vec<DVec3>, mut image: Vec<DVec3>) {
-        if self.steps.len() == DEPTH {
-            self.steps.pop_front();
-        }
         let all = dot(&image, &image);
         let [directions, images] = self.kept();
         let shares: Vec<DVec3> = dots(&images, &image).iter().map(|s| -*s).collect();
@@ -57,7 +66,14 @@ impl Anderson {
         add_all(&mut image, &shares, &images);
         let square = dot(&image, &image);
         // What rounding left is no direction.
-        let scale = DVec3::select(square.cmpgt(all * 1e-20), 1.0 / square.map(f64::sqrt), DVec3::ZERO);
+        let new = square.cmpgt(all * ROUNDING);
+        if !new.any() {
+            return;
+        }
+        let scale = DVec3::select(new, 1.0 / square.map(f64::sqrt), DVec3::ZERO);
+        if self.steps.len() == DEPTH {
+            self.steps.pop_front();
+        }
         self.steps.push_back([step, image].map(|v| v.par_iter().map(|v| (*v * scale).as_vec3()).collect()));
     }
 

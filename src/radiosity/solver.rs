@@ -93,13 +93,14 @@ impl Solver {
         }
     }
 
-    pub(super) fn start(self, contraction: f64) -> Box<dyn Method> {
+    /// `powers` as in [`Amplification`](super::Amplification); none where another has begun.
+    pub(super) fn start(self, contraction: f64, powers: Vec<Vec<DVec3>>) -> Box<dyn Method> {
         match self {
-            Solver::Anderson => Box::new(Anderson::default()),
+            Solver::Anderson => Box::new(Anderson::new(&powers)),
             Solver::Chebyshev => Box::new(Chebyshev::new(contraction)),
             Solver::Jacobi => Box::new(Jacobi),
             Solver::GaussSeidel => Box::new(GaussSeidel::default()),
-            Solver::Shooting => Box::new(Shooting::default()),
+            Solver::Shooting => Box::new(Shooting::new(powers)),
             Solver::ConjugateGradient => Box::new(Conjugate::default()),
             Solver::Direct => Box::new(Dense::default()),
         }

@@ -1,5 +1,6 @@
 //! [`System`]: the fixed-point map, its contraction, and what comes of its solution.
 
+use super::channels::add;
 use crate::{direct::Direct, math::luminance, patches::Patches, transport::Transport};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -25,6 +26,18 @@ pub struct System<'t> {
 
 /// Terms of the Neumann series that sharpen the bound on the inverse.
 const TERMS: usize = 4;
+
+/// What is known of a system before it is solved.
+pub struct Amplification {
+    /// Bound on the row sums of the inverse of I - K.
+    pub inverse: f64,
+    /// Bound on the spectral radius of K, below 1.
+    pub contraction: f64,
+    /// 1, K 1, K K 1 and so on, by channel: what solvers can use of it.
+    pub(super) powers: Vec<Vec<DVec3>>,
+    /// Matrix entries touched.
+    pub entries: u64,
+}
 
 impl<'t> System<'t> {
     /// `sky`: exitance of the sky's cells; `gathered`: rows carry the exitance of surfaces.
@@ -113,32 +126,28 @@ impl<'t> System<'t> {
         radiosity
     }
 
-    /// Bound on the row sums of the inverse, bound on the spectral radius, and matrix entries touched.
+    /// How much larger than its residual an error may be.
     ///
     /// With K = F rho P and K^m 1 <= q < 1, the inverse's row sums are at most (1 + K 1 + ... + K^(m-1) 1) / (1 - q):
     /// one bright texel among dark ones does not spoil it, as it would 1 / (1 - max rho).
-    pub fn amplification(&self) -> (f64, f64, u64) {
-        let n = self.reflectance.len();
-        let brightest: Vec<f64> = self.reflectance.iter().map(|r| f64::from(r.max_element())).collect();
-        let mut power = vec![1f64; self.unknowns()];
-        let mut sum = power.clone();
-        let (mut best, mut contraction) = (f64::INFINITY, 1f64);
+    pub fn amplification(&self) -> Amplification {
+        let most = |v: &[DVec3]| v.iter().copied().fold(DVec3::ZERO, DVec3::max);
+        let mut powers = vec![vec![DVec3::ONE; self.unknowns()]];
+        let mut sum = powers[0].clone();
+        let (mut inverse, mut contraction) = (DVec3::INFINITY, 1f64);
         for term in 1..=TERMS {
-            let mut reflected = vec![0f64; n];
-            self.transport.interpolate(&power, &mut reflected);
-            reflected.iter_mut().zip(&brightest).for_each(|(r, b)| *r *= *b);
-            // The sky reflects nothing.
-            reflected.resize(self.emission.len(), 0.0);
-            self.transport.rows.map_into(&mut power, |row| row.sum(|c| reflected[c as usize]));
-            let q = power.iter().copied().fold(0.0, f64::max);
+            let mut power = vec![DVec3::ZERO; self.unknowns()];
+            self.scatter(&powers[term - 1], &mut power);
+            let q = most(&power);
             // The spectral radius is at most the m-th root of |K^m|; rounding up keeps it a bound.
-            contraction = contraction.min(libm::pow(q, 1.0 / term as f64) * (1.0 + 1e-9)).min(1.0 - 1e-9);
-            if q < 1.0 {
-                best = best.min(sum.iter().copied().fold(0.0, f64::max) / (1.0 - q));
-            }
-            sum.iter_mut().zip(&power).for_each(|(s, p)| *s += p);
+            let root = libm::pow(q.max_element(), 1.0 / term as f64) * (1.0 + 1e-9);
+            contraction = contraction.min(root).min(1.0 - 1e-9);
+            let bound = DVec3::select(q.cmplt(DVec3::ONE), most(&sum) / (1.0 - q), DVec3::INFINITY);
+            inverse = inverse.min(bound);
+            add(&mut sum, DVec3::ONE, &power);
+            powers.push(power);
         }
-        (best, contraction, TERMS as u64 * self.entries())
+        Amplification { inverse: inverse.max_element(), contraction, powers, entries: TERMS as u64 * self.entries() }
     }
 
     /// Irradiance of the patches for the solution `x`: at least 0, where an iterate overshoots.
