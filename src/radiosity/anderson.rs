@@ -82,3 +82,26 @@ impl Anderson {
         [0, 1].map(|which| self.steps.iter().map(|pair| &pair[which][..]).collect())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of a step that says nothing new, rounding would be blown up to a direction whose image is not its own.
+    #[test]
+    fn what_rounding_leaves_is_no_direction() {
+        let vector = |seed: u32| -> Vec<DVec3> {
+            let at = |i: u32| f64::from((i * 7919 + seed * 104_729) % 1009) / 1009.0;
+            (0..1000).map(|i| DVec3::splat(at(i))).collect()
+        };
+        let mut anderson = Anderson::default();
+        for seed in 0..3 {
+            anderson.learn(vector(seed), vector(seed + 10));
+        }
+        assert_eq!(anderson.steps.len(), 3);
+        // A sum of what is known.
+        let sum = |a: u32, b: u32| vector(a).iter().zip(vector(b)).map(|(a, b)| *a + b).collect::<Vec<DVec3>>();
+        anderson.learn(sum(0, 2), sum(10, 12));
+        assert_eq!(anderson.steps.len(), 3);
+    }
+}

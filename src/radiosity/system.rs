@@ -27,6 +27,9 @@ pub struct System<'t> {
 /// Terms of the Neumann series that sharpen the bound on the inverse.
 const TERMS: usize = 4;
 
+/// Held for each unknown while they are made: the powers, and their sum.
+pub(super) const BYTES: u64 = ((TERMS + 2) * size_of::<DVec3>()) as u64;
+
 /// What is known of a system before it is solved.
 pub struct Amplification {
     /// Bound on the row sums of the inverse of I - K.
