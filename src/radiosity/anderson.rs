@@ -23,6 +23,8 @@ pub const BYTES: u64 = (2 * DEPTH * size_of::<Vec3>() + 5 * size_of::<DVec3>()) 
 
 #[derive(Default)]
 pub(super) struct Anderson {
+    /// 1, K 1, K K 1 and so on, until the first step.
+    powers: Vec<Vec<DVec3>>,
     /// Steps, and what each took off the residual; the latter are orthonormal, by channel. In single precision: what that
     /// rounds, the next look finds in the residual.
     steps: VecDeque<[Vec<Vec3>; 2]>,
@@ -31,7 +33,10 @@ pub(super) struct Anderson {
 }
 
 impl Method for Anderson {
-    fn next(&mut self, _: &System, x: &mut Vec<DVec3>, mapped: &[DVec3]) -> Option<u64> {
+    fn next(&mut self, system: &System, x: &mut Vec<DVec3>, mapped: &[DVec3]) -> Option<u64> {
+        let mut powers = std::mem::take(&mut self.powers);
+        let touched = if powers.is_empty() { 0 } else { system.where_lit(&mut powers, mapped) };
+        powers.windows(2).for_each(|p| self.learn(p[0].clone(), difference(&p[0], &p[1])));
         let residual = difference(mapped, x);
         if let Some([step, mut before]) = self.last.take() {
             add(&mut before, DVec3::NEG_ONE, &residual);
@@ -44,16 +49,13 @@ impl Method for Anderson {
         add_all(&mut step, &factors, &[directions, images].concat());
         add(x, DVec3::ONE, &step);
         self.last = Some([step, residual]);
-        Some(0)
+        Some(touched)
     }
 }
 
 impl Anderson {
-    /// `powers`: 1, K 1, K K 1 and so on.
-    pub fn new(powers: &[Vec<DVec3>]) -> Self {
-        let mut anderson = Anderson::default();
-        powers.windows(2).for_each(|p| anderson.learn(p[0].clone(), difference(&p[0], &p[1])));
-        anderson
+    pub fn new(powers: Vec<Vec<DVec3>>) -> Self {
+        Anderson { powers, ..Anderson::default() }
     }
 
     /// Keeps a step and its image, which is made orthogonal to those that are kept already (classical Gram-Schmidt: each

@@ -73,10 +73,12 @@ impl Shooting {
 
 impl Method for Shooting {
     fn next(&mut self, system: &System, x: &mut Vec<DVec3>, mapped: &[DVec3]) -> Option<u64> {
-        // By column: every entry twice.
-        let mut touched = if self.ground.is_none() { 2 * system.entries() } else { 0 };
-        let powers = &mut self.powers;
-        let ground = self.ground.get_or_insert_with(|| Ground::new(system, std::mem::take(powers)));
+        let (powers, mut touched) = (&mut self.powers, 0);
+        let ground = self.ground.get_or_insert_with(|| {
+            // By column: every entry twice.
+            touched = 2 * system.entries() + system.where_lit(powers, mapped);
+            Ground::new(system, std::mem::take(powers))
+        });
         let mut unshot = difference(mapped, x);
         ground.estimate(x, &mut unshot);
         let power = |i: usize, unshot: &[DVec3]| (ground.power[i] * unshot[i]).abs().max_element();

@@ -97,7 +97,7 @@ impl Solver {
     /// `powers` as in [`Amplification`](super::Amplification); none where another has begun.
     pub(super) fn start(self, contraction: f64, powers: Vec<Vec<DVec3>>) -> Box<dyn Method> {
         match self {
-            Solver::Anderson => Box::new(Anderson::new(&powers)),
+            Solver::Anderson => Box::new(Anderson::new(powers)),
             Solver::Chebyshev => Box::new(Chebyshev::new(contraction)),
             Solver::Jacobi => Box::new(Jacobi),
             Solver::GaussSeidel => Box::new(GaussSeidel::default()),

@@ -101,12 +101,42 @@ impl<'t> System<'t> {
 
     /// K x, the map without its light.
     pub(super) fn scatter(&self, x: &[DVec3], out: &mut [DVec3]) {
+        let sent = self.sent(x);
+        self.transport.rows.map_into(out, |row| row.sum(|c| sent[c as usize]));
+    }
+
+    /// What every column reflects of it.
+    fn sent(&self, x: &[DVec3]) -> Vec<DVec3> {
         let mut sent = vec![DVec3::ZERO; self.reflectance.len()];
         self.transport.interpolate(x, &mut sent);
         sent.par_iter_mut().zip(self.reflectance).for_each(|(s, rho)| *s *= rho.as_dvec3());
         // The sky reflects nothing.
         sent.resize(self.emission.len(), DVec3::ZERO);
-        self.transport.rows.map_into(out, |row| row.sum(|c| sent[c as usize]));
+        sent
+    }
+
+    /// Makes `powers` nothing where light never comes that begins at the receivers where `first` is not 0, by channel: an
+    /// ambient estimate must not shine into sealed rooms. Returns the matrix entries touched.
+    pub(super) fn where_lit(&self, powers: &mut [Vec<DVec3>], first: &[DVec3]) -> u64 {
+        let some = |v: DVec3| DVec3::select(v.cmpne(DVec3::ZERO), DVec3::ONE, DVec3::ZERO);
+        let mut lit: Vec<DVec3> = first.iter().map(|v| some(*v)).collect();
+        let mut dark: Vec<usize> = (0..lit.len()).filter(|&i| lit[i] != DVec3::ONE).collect();
+        let mut touched = 0;
+        loop {
+            let sent = self.sent(&lit);
+            let row = |&i: &usize| self.transport.rows.row(i);
+            let found: Vec<DVec3> =
+                dark.par_iter().map(|i| some(row(i).sum(|c| sent[c as usize])).max(lit[*i])).collect();
+            touched += dark.iter().map(|i| row(i).columns.len() as u64).sum::<u64>();
+            let same = dark.iter().zip(&found).all(|(i, found)| lit[*i] == *found);
+            dark.iter().zip(found).for_each(|(i, found)| lit[*i] = found);
+            dark.retain(|&i| lit[i] != DVec3::ONE);
+            if same {
+                break;
+            }
+        }
+        powers.iter_mut().for_each(|power| power.iter_mut().zip(&lit).for_each(|(p, lit)| *p *= *lit));
+        touched
     }
 
     /// Power (W) that patch `p` reflects of an irradiance of 1.

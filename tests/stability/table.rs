@@ -15,8 +15,6 @@ const REFUSED: &[(&str, &str, &str)] =
     &[("texel_centre_outside", "analytic", "*"), ("many_small_emitters", "analytic", "*")];
 /// Who may be off, and by how much at most.
 const OFF: &[(&str, &str, &str, f64)] = &[
-    // The ambient estimate shines into sealed rooms, less than the tolerance allows.
-    ("thin_wall_leak", "*", "shooting", 1e-6),
     // 6400 rays, of which .09 would meet the square: none does, and all of it is missing.
     ("hemicube_alias, rows alone", "rays", "*", 1.0),
     // A pixel that counts whole where the square fills the share p of it, and is met with that probability: root mean square
