@@ -232,3 +232,19 @@ impl Subject<'_, '_> {
 fn mean(v: DVec3) -> f64 {
     v.element_sum() / 3.0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sixteen points took .4 s: another round fits into .8 s, and not into less.
+    #[test]
+    fn time_ends_before_a_round_that_would_not_fit() {
+        let ends = |milliseconds: u64, drawn: u32| {
+            let budget = Budget::Time(Duration::from_millis(milliseconds));
+            budget.ends(Duration::from_millis(400), 0, drawn)
+        };
+        assert!(!ends(800, ROUND) && ends(799, ROUND));
+        assert!(!ends(0, 0), "a first round is always drawn");
+    }
+}

@@ -144,7 +144,7 @@ fn rank(bench: &Bench, reflectance: Reflectance, system: &System) -> Result<Vec<
     let reference = if dense { Solver::Direct } else { Solver::default() };
     let mut truth = Vec::new();
     system.watched(reference, 1e-9, &quiet, &mut |_, x| truth = x.to_vec())?;
-    let (dark, (amplification, ..)) = (system.dark_mean(&truth).max(1e-30), system.amplification());
+    let (dark, inverse) = (system.dark_mean(&truth).max(1e-30), system.amplification().inverse);
     let error = |x: &[DVec3]| {
         let off = x.iter().zip(&truth).map(|(x, t)| (*x - *t).abs().max_element());
         off.fold(0.0, f64::max) / dark
@@ -177,7 +177,7 @@ fn rank(bench: &Bench, reflectance: Reflectance, system: &System) -> Result<Vec<
             looking += start.elapsed().as_secs_f64() - before;
         })?;
         for (look, residual) in run.looks.iter_mut().zip(&solved.report.residuals) {
-            (look.residual, look.bound) = (residual / dark, residual * amplification / dark);
+            (look.residual, look.bound) = (residual / dark, residual * inverse / dark);
         }
         run.fallback = solved.report.fallback;
         let passes = |look: &Look| look.entries as f64 / system.entries().max(1) as f64;

@@ -98,8 +98,8 @@ struct Symmetric {
 }
 
 impl Symmetric {
-    /// Matrix entries touched to make one, in all that there are: two for the columns, one for the sums.
-    const PASSES: u64 = 3 + 2 * SCALINGS as u64;
+    /// Matrix entries touched to make one, in all that there are: two for the columns.
+    const PASSES: u64 = 2 + 2 * SCALINGS as u64;
 
     fn new(system: &System) -> Self {
         let (n, rows) = (system.unknowns(), &system.transport.rows);
@@ -110,9 +110,12 @@ impl Symmetric {
             received
         };
         let mut scale = vec![1.0; n];
-        let sums = received(&scale);
+        let mut sums = Vec::new();
         for _ in 0..SCALINGS {
             let there = received(&scale);
+            if sums.is_empty() {
+                sums.clone_from(&there);
+            }
             let sent = |j: usize| columns.column(j).map(|(i, share)| system.area[i] * scale[i] * share).sum::<f64>();
             let sum = |j: usize| 0.5 * scale[j] * (there[j] + sent(j) / system.area[j]);
             // Who sees nothing, or has no open area, is left as it is.

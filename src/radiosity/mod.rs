@@ -21,7 +21,7 @@ mod system;
 
 pub use solve::TOLERANCE;
 pub use solver::Solver;
-pub use system::System;
+pub use system::{Amplification, System};
 
 use crate::{
     atlas::Coverage,

@@ -10,8 +10,9 @@ use super::{
 };
 use glam::DVec3;
 
-#[derive(Default)]
 pub(super) struct Shooting {
+    /// 1, K 1, K K 1 and so on.
+    powers: Vec<Vec<DVec3>>,
     ground: Option<Ground>,
 }
 
@@ -27,18 +28,14 @@ struct Ground {
 }
 
 impl Ground {
-    fn new(system: &System) -> Self {
+    fn new(system: &System, powers: Vec<Vec<DVec3>>) -> Self {
         let readers = Readers::new(system);
         let mut power = vec![DVec3::ZERO; system.unknowns()];
         for (i, power) in power.iter_mut().enumerate() {
             readers.each(i, |p, weight| *power += system.power(p) * weight);
         }
-        let ones = vec![DVec3::ONE; system.unknowns()];
-        let [mut ambient, mut sent] = [ones.clone(), ones.clone()];
-        system.scatter(&ones, &mut ambient);
-        system.scatter(&ambient, &mut sent);
-        let (columns, lost) =
-            (Columns::new(&system.transport.rows, system.reflectance.len()), difference(&ambient, &sent));
+        let columns = Columns::new(&system.transport.rows, system.reflectance.len());
+        let (ambient, lost) = (powers[1].clone(), difference(&powers[1], &powers[2]));
         Ground { columns, readers, power, ambient, lost }
     }
 
@@ -68,10 +65,20 @@ impl Ground {
     }
 }
 
+impl Shooting {
+    pub fn new(powers: Vec<Vec<DVec3>>) -> Self {
+        Shooting { powers, ground: None }
+    }
+}
+
 impl Method for Shooting {
     fn next(&mut self, system: &System, x: &mut Vec<DVec3>, mapped: &[DVec3]) -> Option<u64> {
-        let mut touched = if self.ground.is_none() { 4 * system.entries() } else { 0 };
-        let ground = self.ground.get_or_insert_with(|| Ground::new(system));
+        let (powers, mut touched) = (&mut self.powers, 0);
+        let ground = self.ground.get_or_insert_with(|| {
+            // By column: every entry twice.
+            touched = 2 * system.entries() + system.where_lit(powers, mapped);
+            Ground::new(system, std::mem::take(powers))
+        });
         let mut unshot = difference(mapped, x);
         ground.estimate(x, &mut unshot);
         let power = |i: usize, unshot: &[DVec3]| (ground.power[i] * unshot[i]).abs().max_element();

@@ -1,6 +1,6 @@
 //! The loop that every solver runs in: true residual, bound, stopping, history; and the truncated Neumann sum.
 
-use super::{Radiosity, Solver, System};
+use super::{Amplification, Radiosity, Solver, System};
 use crate::{
     error::Result,
     progress::{Observer, check},
@@ -41,9 +41,9 @@ impl System<'_> {
         solver.check(self.unknowns(), matches!(self.transport.interpolation, Interpolation::Identity))?;
         observer.begin("radiosity", 0);
         let start = Instant::now();
-        let (amplification, mut contraction, touched) = self.amplification();
-        let mut method = solver.start(contraction);
-        let mut report = SolverReport { name: solver.name(), entries: touched, ..SolverReport::default() };
+        let Amplification { inverse, mut contraction, powers, entries } = self.amplification();
+        let mut method = solver.start(contraction, powers);
+        let mut report = SolverReport { name: solver.name(), entries, ..SolverReport::default() };
         let mut x = vec![DVec3::ZERO; self.unknowns()];
         let mut mapped = x.clone();
         let (mut least, mut idle, mut dark) = (f64::INFINITY, 0, 0.0);
@@ -55,7 +55,7 @@ impl System<'_> {
             report.residuals.push(residual);
             report.touched.push(report.entries);
             watch(report.entries, &mapped);
-            let bound = if residual > 0.0 { residual * amplification } else { 0.0 };
+            let bound = if residual > 0.0 { residual * inverse } else { 0.0 };
             if report.iterations % 8 == 1 || bound <= 2.0 * tolerance * dark {
                 dark = self.dark_mean(&mapped).max(1e-30);
             }
@@ -83,7 +83,7 @@ impl System<'_> {
                 // Not even the plain iteration gains: rounding has the last word.
                 None => break,
             }
-            method = solver.start(contraction);
+            method = solver.start(contraction, Vec::new());
             (least, idle) = (residual, 0);
         }
         report.seconds = start.elapsed().as_secs_f64();

@@ -2,7 +2,7 @@
 
 use super::{
     System, anderson, anderson::Anderson, chebyshev::Chebyshev, conjugate::Conjugate, dense, dense::Dense,
-    gauss_seidel::GaussSeidel, jacobi::Jacobi, shooting::Shooting,
+    gauss_seidel::GaussSeidel, jacobi::Jacobi, shooting::Shooting, system,
 };
 use crate::error::{Error, Result};
 use glam::DVec3;
@@ -76,12 +76,13 @@ impl Solver {
 
     /// Bytes held at once beside the rows, of so many unknowns, where the rows' entries take `entries` bytes.
     pub fn bytes(self, unknowns: u64, entries: u64) -> u64 {
-        match self {
+        let own = match self {
             Solver::Shooting | Solver::ConjugateGradient => entries,
             Solver::Direct => 8 * unknowns.min(dense::MOST as u64).pow(2),
             Solver::Anderson => anderson::BYTES * unknowns,
             Solver::Chebyshev | Solver::Jacobi | Solver::GaussSeidel => 0,
-        }
+        };
+        own.max(system::BYTES * unknowns)
     }
 
     /// Who goes on where it can do no more. The plain iteration, to which chebyshev comes in the end, always can.
@@ -93,13 +94,14 @@ impl Solver {
         }
     }
 
-    pub(super) fn start(self, contraction: f64) -> Box<dyn Method> {
+    /// `powers` as in [`Amplification`](super::Amplification); none where another has begun.
+    pub(super) fn start(self, contraction: f64, powers: Vec<Vec<DVec3>>) -> Box<dyn Method> {
         match self {
-            Solver::Anderson => Box::new(Anderson::default()),
+            Solver::Anderson => Box::new(Anderson::new(powers)),
             Solver::Chebyshev => Box::new(Chebyshev::new(contraction)),
             Solver::Jacobi => Box::new(Jacobi),
             Solver::GaussSeidel => Box::new(GaussSeidel::default()),
-            Solver::Shooting => Box::new(Shooting::default()),
+            Solver::Shooting => Box::new(Shooting::new(powers)),
             Solver::ConjugateGradient => Box::new(Conjugate::default()),
             Solver::Direct => Box::new(Dense::default()),
         }

@@ -1,5 +1,6 @@
 //! [`System`]: the fixed-point map, its contraction, and what comes of its solution.
 
+use super::channels::add;
 use crate::{direct::Direct, math::luminance, patches::Patches, transport::Transport};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -25,6 +26,21 @@ pub struct System<'t> {
 
 /// Terms of the Neumann series that sharpen the bound on the inverse.
 const TERMS: usize = 4;
+
+/// Held for each unknown while they are made: the powers, and their sum.
+pub(super) const BYTES: u64 = ((TERMS + 2) * size_of::<DVec3>()) as u64;
+
+/// What is known of a system before it is solved.
+pub struct Amplification {
+    /// Bound on the row sums of the inverse of I - K.
+    pub inverse: f64,
+    /// Bound on the spectral radius of K, below 1.
+    pub contraction: f64,
+    /// 1, K 1, K K 1 and so on, by channel: what solvers can use of it.
+    pub(super) powers: Vec<Vec<DVec3>>,
+    /// Matrix entries touched.
+    pub entries: u64,
+}
 
 impl<'t> System<'t> {
     /// `sky`: exitance of the sky's cells; `gathered`: rows carry the exitance of surfaces.
@@ -85,12 +101,42 @@ impl<'t> System<'t> {
 
     /// K x, the map without its light.
     pub(super) fn scatter(&self, x: &[DVec3], out: &mut [DVec3]) {
+        let sent = self.sent(x);
+        self.transport.rows.map_into(out, |row| row.sum(|c| sent[c as usize]));
+    }
+
+    /// What every column reflects of it.
+    fn sent(&self, x: &[DVec3]) -> Vec<DVec3> {
         let mut sent = vec![DVec3::ZERO; self.reflectance.len()];
         self.transport.interpolate(x, &mut sent);
         sent.par_iter_mut().zip(self.reflectance).for_each(|(s, rho)| *s *= rho.as_dvec3());
         // The sky reflects nothing.
         sent.resize(self.emission.len(), DVec3::ZERO);
-        self.transport.rows.map_into(out, |row| row.sum(|c| sent[c as usize]));
+        sent
+    }
+
+    /// Makes `powers` nothing where light never comes that begins at the receivers where `first` is not 0, by channel: an
+    /// ambient estimate must not shine into sealed rooms. Returns the matrix entries touched.
+    pub(super) fn where_lit(&self, powers: &mut [Vec<DVec3>], first: &[DVec3]) -> u64 {
+        let some = |v: DVec3| DVec3::select(v.cmpne(DVec3::ZERO), DVec3::ONE, DVec3::ZERO);
+        let mut lit: Vec<DVec3> = first.iter().map(|v| some(*v)).collect();
+        let mut dark: Vec<usize> = (0..lit.len()).filter(|&i| lit[i] != DVec3::ONE).collect();
+        let mut touched = 0;
+        loop {
+            let sent = self.sent(&lit);
+            let row = |&i: &usize| self.transport.rows.row(i);
+            let found: Vec<DVec3> =
+                dark.par_iter().map(|i| some(row(i).sum(|c| sent[c as usize])).max(lit[*i])).collect();
+            touched += dark.iter().map(|i| row(i).columns.len() as u64).sum::<u64>();
+            let same = dark.iter().zip(&found).all(|(i, found)| lit[*i] == *found);
+            dark.iter().zip(found).for_each(|(i, found)| lit[*i] = found);
+            dark.retain(|&i| lit[i] != DVec3::ONE);
+            if same {
+                break;
+            }
+        }
+        powers.iter_mut().for_each(|power| power.iter_mut().zip(&lit).for_each(|(p, lit)| *p *= *lit));
+        touched
     }
 
     /// Power (W) that patch `p` reflects of an irradiance of 1.
@@ -113,32 +159,28 @@ impl<'t> System<'t> {
         radiosity
     }
 
-    /// Bound on the row sums of the inverse, bound on the spectral radius, and matrix entries touched.
+    /// How much larger than its residual an error may be.
     ///
     /// With K = F rho P and K^m 1 <= q < 1, the inverse's row sums are at most (1 + K 1 + ... + K^(m-1) 1) / (1 - q):
     /// one bright texel among dark ones does not spoil it, as it would 1 / (1 - max rho).
-    pub fn amplification(&self) -> (f64, f64, u64) {
-        let n = self.reflectance.len();
-        let brightest: Vec<f64> = self.reflectance.iter().map(|r| f64::from(r.max_element())).collect();
-        let mut power = vec![1f64; self.unknowns()];
-        let mut sum = power.clone();
-        let (mut best, mut contraction) = (f64::INFINITY, 1f64);
+    pub fn amplification(&self) -> Amplification {
+        let most = |v: &[DVec3]| v.iter().copied().fold(DVec3::ZERO, DVec3::max);
+        let mut powers = vec![vec![DVec3::ONE; self.unknowns()]];
+        let mut sum = powers[0].clone();
+        let (mut inverse, mut contraction) = (DVec3::INFINITY, 1f64);
         for term in 1..=TERMS {
-            let mut reflected = vec![0f64; n];
-            self.transport.interpolate(&power, &mut reflected);
-            reflected.iter_mut().zip(&brightest).for_each(|(r, b)| *r *= *b);
-            // The sky reflects nothing.
-            reflected.resize(self.emission.len(), 0.0);
-            self.transport.rows.map_into(&mut power, |row| row.sum(|c| reflected[c as usize]));
-            let q = power.iter().copied().fold(0.0, f64::max);
+            let mut power = vec![DVec3::ZERO; self.unknowns()];
+            self.scatter(&powers[term - 1], &mut power);
+            let q = most(&power);
             // The spectral radius is at most the m-th root of |K^m|; rounding up keeps it a bound.
-            contraction = contraction.min(libm::pow(q, 1.0 / term as f64) * (1.0 + 1e-9)).min(1.0 - 1e-9);
-            if q < 1.0 {
-                best = best.min(sum.iter().copied().fold(0.0, f64::max) / (1.0 - q));
-            }
-            sum.iter_mut().zip(&power).for_each(|(s, p)| *s += p);
+            let root = libm::pow(q.max_element(), 1.0 / term as f64) * (1.0 + 1e-9);
+            contraction = contraction.min(root).min(1.0 - 1e-9);
+            let bound = DVec3::select(q.cmplt(DVec3::ONE), most(&sum) / (1.0 - q), DVec3::INFINITY);
+            inverse = inverse.min(bound);
+            add(&mut sum, DVec3::ONE, &power);
+            powers.push(power);
         }
-        (best, contraction, TERMS as u64 * self.entries())
+        Amplification { inverse: inverse.max_element(), contraction, powers, entries: TERMS as u64 * self.entries() }
     }
 
     /// Irradiance of the patches for the solution `x`: at least 0, where an iterate overshoots.

@@ -5,7 +5,7 @@ use crate::{
     common::{
         bakes::{grey, shoot, within_sigma},
         exact,
-        scenes::{Cuboid, Face, unit_room},
+        scenes::{Cuboid, Face, rectangle, unit_room},
         stage::Stage,
     },
     greys, plane, white,
@@ -61,6 +61,60 @@ fn a_box_that_stands_in_the_floor_buries_what_it_covers_and_no_more() {
         let mean_error = errors.iter().sum::<f64>() / errors.len() as f64;
         let within = within_sigma(&errors).unwrap_or_else(|e| panic!("double-sided {double_sided}: {e}"));
         assert!(mean_error.abs() < 0.5, "double-sided {double_sided}: mean error {mean_error} sigma, {within:?}");
+    }
+}
+
+/// Over one half of a texel stands a box, over the other hangs a sheet that shows its back: rays from either half meet backs.
+///
+/// Beside points that are enclosed, one more ray decides about a point whose own met a back: where the sheet fills the share b
+/// of what a point sees, up to b^2 of the points are mistaken for enclosed, and what is left is so much brighter.
+#[test]
+fn below_a_sheet_beside_a_box_a_texel_has_its_open_half() {
+    for rays in [64, 1024] {
+        let mut stage = Stage::new();
+        let floor = plane(&mut stage, Vec3::ZERO, 1.0, 4);
+        let black = stage.material(0.0, 0.0);
+        // Columns are a quarter wide: the box ends in the middle of the third.
+        let (edge, height) = (0.125, 0.3);
+        Cuboid::block(vec3(-2.0, -0.01, -0.5), vec3(edge, height, 0.5)).all(&mut stage, black, 4);
+        rectangle(&mut stage, black, [vec3(edge, height, -0.5), Vec3::Z, Vec3::X * 0.375], UVec2::splat(4));
+        stage.scene.sky = white(1.0);
+        let shot = shoot(stage, rays);
+        let corner = |x: f32, y: f32, z: f32| vec3(x, y, z).as_dvec3();
+        let [low, high] = [-0.5, 0.5];
+        let side = [(0.0, low), (0.0, high), (height, high), (height, low)].map(|(y, z)| corner(edge, y, z));
+        let sheet = [(edge, low), (edge, high), (high, high), (high, low)].map(|(x, z)| corner(x, height, z));
+        let hidden = |p: DVec3, of: &[DVec3]| exact::element_to_polygon(p, DVec3::Y, of).abs();
+        let open = |p: DVec3| 1.0 - hidden(p, &side) - hidden(p, &sheet);
+        let mut errors = Vec::new();
+        for (i, at) in shot.placed(floor) {
+            let p = DVec3::new(at.x - 0.5, 0.0, 0.5 - at.y);
+            let (validity, buried) = (f64::from(shot.baked.patches.validity[i]), shot.baked.patches.buried[i]);
+            let found = format!("{rays} rays, {p}: validity {validity}, {buried}");
+            let from = match p.x {
+                x if x < 0.0 => {
+                    assert!(buried, "{found}");
+                    continue;
+                }
+                x if x < 0.25 => f64::from(edge),
+                _ => 0.25,
+            };
+            // Points are spread evenly: a line along a cell parts them to within a point for each row of cells.
+            let (half, rows) = (if from < 0.25 { 0.5 } else { 1.0 }, libm::sqrt(f64::from(rays)));
+            let area = [DVec3::new(from, 0.0, p.z - 0.125), DVec3::X * 0.25 * half, DVec3::Z * 0.25];
+            let mistaken = if half < 1.0 { exact::mean_over(area, 16, |p| hidden(p, &sheet).powi(2)) } else { 0.0 };
+            let least = half * (1.0 - mistaken);
+            assert!(
+                (least - 1.0 / rows..=half + 1.0 / rows).contains(&validity) && !buried,
+                "{found}, {least} to {half}"
+            );
+            let share = exact::mean_over(area, 16, open);
+            let e = grey(shot.baked.irradiance[i]) / PI;
+            let off = e - e.clamp(share, share / (1.0 - mistaken));
+            errors.push(off / libm::sqrt(share * (1.0 - share) / f64::from(rays)));
+        }
+        let within = within_sigma(&errors).unwrap_or_else(|e| panic!("{rays} rays: {e}"));
+        println!("{rays} rays: {within:?} sigma");
     }
 }
 

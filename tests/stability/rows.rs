@@ -2,19 +2,21 @@
 
 use crate::common::{
     bakes::{Parts, grey, options, parts, try_shoot},
-    scenes::{furnished, rectangle, unit_room},
+    scenes::{FACES, Face, furnished, rectangle, unit_room},
     stage::Stage,
     ways::{Runs, Way},
 };
-use glam::{UVec2, Vec3};
+use glam::{UVec2, Vec3, vec3};
 use luxel::{
-    atlas::{Density, Unwrap},
+    atlas::{Coverage, Density, Unwrap},
+    bake,
+    direct::{Direct, Sources, sky_cells},
     patches::Patches,
     progress::Silent,
-    radiosity::Solver,
-    scene::{Scene, Sky, World},
+    radiosity::{Radiosity, Solver},
+    scene::{LightKind, Scene, Sky, World},
     trace::Tracer,
-    transport::{Checked, FormFactors, Options, Stats, Transport},
+    transport::{Checked, FormFactors, Options, Receivers, Stats, Transport},
 };
 
 /// A cube, a room with blocks in it, and two walls under the sky; true if closed.
@@ -97,5 +99,56 @@ fn rows_that_serve_all_solvers_are_those_of_a_bake() {
         assert_eq!(bake.baked.irradiance, once.baked.irradiance, "{way:?}");
         assert_eq!(bake.baked.irradiance, again.baked.irradiance, "{way:?}");
         assert_eq!(bake.baked.lightmaps.pages[0].irradiance, again.baked.lightmaps.pages[0].irradiance, "{way:?}");
+    }
+}
+
+/// Irradiance under the light of each scene, by the rows of the first: they differ in nothing else.
+fn relit(scenes: &[Scene], coverage: &Coverage, options: &bake::Options) -> Vec<Vec<Vec3>> {
+    let tracer = Tracer::new(World::new(&scenes[0]));
+    let mut patches = Patches::new(&tracer.world, coverage, options.max_reflectance);
+    let transport = Transport::measure(&tracer, coverage, &mut patches, &options.transport, &Silent).expect("rows");
+    let light = |scene: &Scene| {
+        let tracer = Tracer::new(World::new(scene));
+        let sources = Sources::new(&tracer, &patches);
+        let direct =
+            Direct::measure(&tracer, coverage, &patches, &sources, options.shadow_rays, &Silent).expect("light");
+        let (sky, how) = (sky_cells(&scene.sky), &options.radiosity);
+        let solved = Radiosity::solve(&transport, &patches, &direct, &sky, sources.gathered, how, &Silent);
+        let mut solved = solved.expect("a solution");
+        if !transport.eyes.is_empty() {
+            solved.reuse(&transport, &tracer, coverage, &patches, &direct, &Silent).expect("a gather");
+        }
+        (0..patches.len()).map(|p| direct.total(p) + solved.indirect[p]).collect()
+    };
+    scenes.iter().map(light).collect()
+}
+
+/// Rows that are kept relight a scene to the bit, without a ray of theirs.
+#[test]
+fn one_transport_serves_every_light() {
+    let lit = |strength: f32| {
+        let mut stage = Stage::new();
+        let wall = stage.material(0.6, 0.0);
+        for face in FACES.into_iter().filter(|f| *f != Face::Top) {
+            unit_room().face(&mut stage, face, wall, UVec2::ONE, UVec2::splat(6));
+        }
+        stage.light(LightKind::Point { radius: 0.0 }, vec3(0.3 * strength, 0.5, 0.5), Vec3::ZERO, strength);
+        stage.scene.sky = Sky::Uniform(vec3(0.0, 0.1, strength));
+        (stage.lay_out().0, stage.scene)
+    };
+    let ((edge, one), (_, other)) = (lit(1.0), lit(2.0));
+    let scenes = [one, other];
+    for form_factors in [FormFactors::Rays, FormFactors::Hemicube { resolution: 16 }, FormFactors::Analytic] {
+        for (receivers, reuse) in Receivers::ALL.into_iter().flat_map(|r| [(r, false), (r, true)]) {
+            let mut options = options(16);
+            options.transport = Options { form_factors, receivers, reuse, ..options.transport };
+            (options.atlas.unwrap, options.atlas.density) = (Unwrap::Keep, Density::Resolution(edge));
+            let baked = scenes.each_ref().map(|scene| parts(scene, &options));
+            let relit = relit(&scenes, &baked[0].coverage, &options);
+            assert!(relit[0] != relit[1]);
+            for (relit, baked) in relit.iter().zip(&baked) {
+                assert!(*relit == baked.irradiance, "{form_factors}, {receivers:?}, reuse {reuse}");
+            }
+        }
     }
 }

@@ -13,13 +13,14 @@ const END: &str = "<!-- end of table -->\n";
 /// The only refusals there may be: scene, estimator and the solvers, * for all.
 const REFUSED: &[(&str, &str, &str)] =
     &[("texel_centre_outside", "analytic", "*"), ("many_small_emitters", "analytic", "*")];
-/// Who may be off, and by how much at most: what was measured and a quarter.
+/// Who may be off, and by how much at most.
 const OFF: &[(&str, &str, &str, f64)] = &[
-    // The ambient estimate shines into sealed rooms, less than the tolerance allows.
-    ("thin_wall_leak", "*", "shooting", 1e-6),
-    // A square below a pixel, or a ray's share.
-    ("hemicube_alias, rows alone", "rays", "*", 1.25),
-    ("hemicube_alias, rows alone", "hemicube", "*", 4.2),
+    // 6400 rays, of which .09 would meet the square: none does, and all of it is missing.
+    ("hemicube_alias, rows alone", "rays", "*", 1.0),
+    // A pixel that counts whole where the square fills the share p of it, and is met with that probability: root mean square
+    // (1 / p - 1)^(1/2). On the top 1 / p = (2 / 64)^2 / .01^2, on walls more: 9.16 is the mean of 1 / p - 1 over the texels
+    // and all turns, 2.61 the standard error of that of 100 texels. Three of these.
+    ("hemicube_alias, rows alone", "hemicube", "*", 4.12),
 ];
 
 #[test]
