@@ -278,7 +278,22 @@ fn triangles_without_area_are_left_out() {
     });
     let said = folder.luxel(&format!("bake odd.gltf {QUICK}"));
     assert_eq!(said.code, 0, "{}", said.err);
-    assert!(said.err.contains("warning: 1 triangles have no area"), "{}", said.err);
+    assert!(said.err.contains("without area were left out: 1, the first in mesh 0"), "{}", said.err);
+}
+
+#[test]
+fn a_scene_without_area_is_refused() {
+    let folder = Folder::new();
+    odd(&folder, |json| {
+        let indices = accessor(json, &[0, 1, 1, 1, 2, 2], 5121, 6, "SCALAR");
+        for mesh in json["meshes"].as_array_mut().unwrap() {
+            mesh["primitives"].as_array_mut().unwrap().iter_mut().for_each(|p| p["indices"] = indices.into());
+        }
+    });
+    let said = folder.luxel(&format!("bake odd.gltf {QUICK}"));
+    assert_eq!(said.code, 3, "{}", said.err);
+    assert!(said.err.contains("mesh 0") && said.err.contains("no triangle has an area"), "{}", said.err);
+    assert_eq!(folder.files(), ["odd.gltf", "room.gltf"]);
 }
 
 #[test]

@@ -177,7 +177,7 @@ impl Options {
     /// [`Error::Usage`] for sizes that make no page, and for an unwrapper that is not there.
     pub fn check(&self) -> Result<()> {
         if self.unwrap == Unwrap::Xatlas && !cfg!(feature = "xatlas") {
-            let remedy = "build it with `cargo install luxel --features xatlas`, or use --unwrap uvunwrap";
+            let remedy = "build it with `cargo install --path . --features xatlas`, or use --unwrap uvunwrap";
             return Err(Error::Usage(format!("--unwrap xatlas: this luxel was built without xatlas\n  {remedy}")));
         }
         let (least, most) = PAGE_EDGES.into_inner();

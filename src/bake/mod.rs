@@ -109,6 +109,7 @@ impl<'s> Ground<'s> {
             clock.time("atlas", || atlas::unwrap(scene, &options.atlas, &scene.file, observer, &mut warnings))?;
         plan::refuse(scene, options, Some(&atlas))?;
         let world = World::new(scene);
+        plan::refuse_flat(&world)?;
         let coverage = clock.time("coverage", || Coverage::new(&world, &atlas));
         plan::announce(scene, &atlas, &coverage, options, observer)?;
         let tracer = clock.time("trace", || Tracer::new(world));
@@ -142,7 +143,7 @@ impl<'s> Ground<'s> {
         let (warnings, seconds) = (std::mem::take(&mut self.warnings), std::mem::take(&mut self.clock.seconds));
         let mut report = Report { warnings, seconds, ..Report::default() };
         plan::describe(&mut report, &self, &lit, options);
-        plan::warn(&mut report, options);
+        plan::warn(&mut report, &self.tracer, options);
         let Ground { tracer, atlas, coverage, .. } = self;
         let Lit { patches, direct, radiosity, lightmaps, .. } = lit;
         let irradiance = (0..patches.len()).map(|p| direct.total(p) + radiosity.indirect[p]).collect();

@@ -8,7 +8,7 @@ use crate::{
     memory::{self, REMEDY},
     progress::Observer,
     report::{FormFactorReport, NodeReport, PageReport, RayReport, ReflectanceReport, Report, SCHEMA, SceneCounts},
-    scene::{Primitive, Scene, Texture},
+    scene::{Primitive, Scene, Texture, World},
     trace::{self, Tracer},
     transport::{FormFactors, Receivers},
 };
@@ -34,6 +34,17 @@ pub(super) fn refuse(scene: &Scene, options: &Options, atlas: Option<&Atlas>) ->
     }
     let need = bytes_of_triangles(scene) + pixels * BYTES_A_PIXEL + texels * bytes_a_texel(options, texels);
     memory::fits(need >> 20, memory::free_mb(), REMEDY)
+}
+
+/// Refuses a scene of which no triangle has an area.
+pub(super) fn refuse_flat(world: &World) -> Result<()> {
+    let mut instances = 0..world.scene.instances.len();
+    if instances.any(|i| degenerate(world, i) < world.triangles_of(i).len()) || world.len() == 0 {
+        return Ok(());
+    }
+    let problem = "no triangle has an area: there is nothing to light";
+    let remedy = "export the meshes again; a scale of 0 flattens them, too";
+    Err(Error::invalid(&world.scene.file, &world.mesh(0).name, problem, remedy))
 }
 
 /// With the row of its front, or with the weights by which it reads those of others: how many these are is not known
@@ -164,7 +175,7 @@ fn warn_of_uncovered(r: &mut Report, tracer: &Tracer, coverage: &Coverage) {
 }
 
 /// Adds what the user should know.
-pub(super) fn warn(r: &mut Report, options: &Options) {
+pub(super) fn warn(r: &mut Report, tracer: &Tracer, options: &Options) {
     let share = |a: f64| 100.0 * a / r.reflectance.area.max(1e-30);
     if r.reflectance.capped_area > 0.0 {
         r.warnings.push(format!(
@@ -179,8 +190,9 @@ pub(super) fn warn(r: &mut Report, options: &Options) {
             share(r.reflectance.metallic_area)
         ));
     }
-    if r.scene.degenerate_triangles > 0 {
-        r.warnings.push(format!("{} triangles have no area and were left out", r.scene.degenerate_triangles));
+    if let Some(i) = (0..tracer.world.scene.instances.len()).find(|&i| degenerate(&tracer.world, i) > 0) {
+        let (count, mesh) = (r.scene.degenerate_triangles, &tracer.world.mesh(i).name);
+        r.warnings.push(format!("triangles without area were left out: {count}, the first in {mesh}"));
     }
     if r.turned_texels > 0 {
         r.warnings.push(format!("{} texels show their back: their front is inside geometry", r.turned_texels));
@@ -209,23 +221,30 @@ pub(super) fn warn(r: &mut Report, options: &Options) {
 fn counts(tracer: &Tracer) -> SceneCounts {
     let (scene, world) = (tracer.world.scene, &tracer.world);
     let instances = || 0..scene.instances.len();
-    let is_degenerate = |i: usize, t: u32| world.cross(i, &world.corners(i, t)) == glam::Vec3::ZERO;
-    let degenerate = |i: usize| (0..world.triangles_of(i).len() as u32).filter(|&t| is_degenerate(i, t)).count();
     let emitting = |i: usize| {
         let emits = |p: &&Primitive| scene.materials[p.material as usize].emits();
         let triangles = world.mesh(i).primitives.iter().filter(emits).flat_map(|p| p.triangles.clone());
-        triangles.filter(|&t| !is_degenerate(i, t)).count()
+        triangles.filter(|&t| !is_degenerate(world, i, t)).count()
     };
     SceneCounts {
         meshes: scene.meshes.len(),
         instances: scene.instances.len(),
         triangles: scene.meshes.iter().map(|m| m.triangles.len()).sum(),
         instanced_triangles: world.len() as usize,
-        degenerate_triangles: instances().map(degenerate).sum(),
+        degenerate_triangles: instances().map(|i| degenerate(world, i)).sum(),
         materials: scene.materials.len(),
         lights: scene.lights.len(),
         emitting_triangles: instances().map(emitting).sum(),
     }
+}
+
+/// Triangles of instance `i` without area.
+fn degenerate(world: &World, i: usize) -> usize {
+    (0..world.triangles_of(i).len() as u32).filter(|&t| is_degenerate(world, i, t)).count()
+}
+
+fn is_degenerate(world: &World, i: usize, t: u32) -> bool {
+    world.cross(i, &world.corners(i, t)) == glam::Vec3::ZERO
 }
 
 fn node(tracer: &Tracer, atlas: &Atlas, coverage: &Coverage, i: usize) -> NodeReport {

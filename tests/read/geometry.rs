@@ -201,6 +201,17 @@ fn nothing_to_light() {
     says(&input.warnings, "has no triangles");
 }
 
+#[test]
+fn an_empty_primitive_is_named_once() {
+    let mut b = Builder::square();
+    let indices = b.accessor(json!({ "type": "SCALAR", "componentType": 5121, "count": 0 }), &[]);
+    let part = json!({ "attributes": { "POSITION": 0 }, "indices": indices });
+    let empty = b.push("meshes", json!({ "primitives": [part] }));
+    b.root(json!({ "mesh": empty }));
+    let said: Vec<String> = ok(&b).warnings.into_iter().filter(|w| w.contains("mesh 1")).collect();
+    assert_eq!(said, ["mesh 1, primitive 0: has no triangles and is left out"]);
+}
+
 /// A small file in which `counts[m]` primitives of mesh m share 2^20 triangles.
 fn many_triangles(counts: &[usize]) -> Builder {
     let mut b = Builder::triangle();

@@ -54,7 +54,10 @@ pub(super) fn read(
         part.append(i, &mut mesh, materials, warnings)?;
     }
     if mesh.triangles.is_empty() {
-        warnings.about(mesh.name, "has no triangles and is left out");
+        // What has primitives is told of each of them.
+        if parts.is_empty() {
+            warnings.about(mesh.name, "has no triangles and is left out");
+        }
         return Ok(None);
     }
     let vertices = mesh.positions.len();
