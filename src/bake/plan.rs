@@ -39,7 +39,7 @@ pub(super) fn refuse(scene: &Scene, options: &Options, atlas: Option<&Atlas>) ->
 /// Refuses a scene of which no triangle has an area.
 pub(super) fn refuse_flat(world: &World) -> Result<()> {
     let mut instances = 0..world.scene.instances.len();
-    if instances.any(|i| degenerate(world, i) < world.triangles_of(i).len()) || world.len() == 0 {
+    if instances.any(|i| degenerate(world, i) < world.triangles_of(i).len()) || world.is_empty() {
         return Ok(());
     }
     let problem = "no triangle has an area: there is nothing to light";
