@@ -266,6 +266,8 @@ class Scenes(unittest.TestCase):
             (node(lambda place: place.update(texCoord=-1)), "has no rectangle that makes sense"),
             (node(lambda place: place.update(scale=None)), "has no rectangle that makes sense"),
             (node(lambda place: place.update(offset=["a", "b"])), "has no rectangle that makes sense"),
+            (lambda document, _: next(n for n in document["nodes"] if "LUXEL_lightmap" in n.get("extensions", {})).pop("mesh"),
+             "has a rectangle but no mesh"),
             (view(endless), "page 0 is not a whole EXR picture"),
         ]
         for change, problem in cases:
