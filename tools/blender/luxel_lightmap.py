@@ -71,8 +71,11 @@ def read(root, gltf):
     places = {}
     for index, node in enumerate(nodes):
         place = (node.extensions or {}).get(NAME)
-        if place is not None:
-            places[index] = checked(place, pages, f"node {index} ({node.name})")
+        if place is None:
+            continue
+        if node.mesh is None:
+            raise Problem(f"node {index} ({node.name}) has a rectangle but no mesh")
+        places[index] = checked(place, pages, f"node {index} ({node.name})")
     lit, lamps = [], []
     baked = set(root.get("bakedLights") or [])
     for vnode in gltf.vnodes.values():

@@ -11,6 +11,8 @@ import { Extension, ExtensionProperty, PropertyType, RefList } from "@gltf-trans
 import { sizeOf } from "./picture.js";
 
 const NAME = "LUXEL_lightmap";
+/** glTF's modes of primitives that have surfaces. */
+const TRIANGLES = [undefined, 4, 5, 6];
 
 /** The root's part: pages, and the nodes whose light is in them. */
 export class Lightmap extends ExtensionProperty {
@@ -93,6 +95,7 @@ export class LuxelLightmap extends Extension {
   }
 
   prewrite(context) {
+    this.document.getRoot().listNodes().forEach((node) => this.#follow(node));
     const lightmap = this.document.getRoot().getExtension(NAME);
     const [buffer] = this.document.getRoot().listBuffers();
     const pictures = (lightmap?.listPictures() ?? []).filter(Boolean);
@@ -117,29 +120,67 @@ export class LuxelLightmap extends Extension {
     }
     return this;
   }
+
+  /** A place goes where its mesh went: `quantize` moves meshes of nodes with children or animations into a child. */
+  #follow(node) {
+    const place = node.getExtension(NAME);
+    if (!place || node.getMesh()) return;
+    // The moved one has no name, and comes after the node's own children.
+    const heir = node.listChildren().findLast((child) => child.getMesh() && !child.getName() && !child.getExtension(NAME));
+    node.setExtension(NAME, null);
+    heir?.setExtension(NAME, place);
+    const { luxel } = node.getExtras();
+    if (luxel?.lightmap) heir?.setExtras({ ...heir.getExtras(), luxel: { ...heir.getExtras().luxel, lightmap: luxel.lightmap } });
+    dropMirror(node);
+    if (!heir) this.document.getLogger().warn(`${NAME}: node ${node.getName()} has no mesh any more; its light is left out`);
+  }
 }
 
-/** What is wrong with a lightmap, in one line. Pages beside the file are not looked at: glTF-Transform does not read them. */
+/** What is wrong with a lightmap, in one line. Pictures beside the file are not looked at: glTF-Transform does not read them. */
 function problemOf(json, bufferViews) {
   const { pages, bakedLights = [] } = json.extensions[NAME];
   if (!Array.isArray(pages)) return "the file lists no pages";
   for (const [index, page] of pages.entries()) {
-    const { bufferView, uri, width, height } = page ?? {};
-    const known = bufferView === undefined ? typeof uri === "string" : uri === undefined && bufferViews[bufferView];
-    if (!known) return `page ${index} has to be in a bufferView of the file or at a uri`;
-    if (uri !== undefined) continue;
-    const size = sizeOf(bufferViews[bufferView]);
-    if (!size) return `page ${index} is not a whole EXR picture`;
-    if (size[0] !== width || size[1] !== height) return `page ${index} is ${size.join(" x ")}, not ${width} x ${height}`;
+    const problem = problemOfPage(page ?? {}, bufferViews);
+    if (problem) return `page ${index} ${problem}`;
   }
   const nodes = json.nodes ?? [];
   for (const [index, node] of nodes.entries()) {
     const place = node.extensions?.[NAME];
-    if (!place || (Number.isInteger(place.page) && pages[place.page])) continue;
-    return `node ${index} (${node.name}) is on page ${place.page}, but the file has ${pages.length}`;
+    const problem = place && problemOfPlace(place, node, pages, json.meshes);
+    if (problem) return `node ${index}${node.name ? ` (${node.name})` : ""} ${problem}`;
   }
-  if (!Array.isArray(bakedLights) || !bakedLights.every((light) => nodes[light])) return "its bakedLights are no nodes of the file";
-  return null;
+  const known = Array.isArray(bakedLights) && bakedLights.every((light) => isIndex(light, nodes));
+  return known ? null : "its bakedLights are no nodes of the file";
+}
+
+function problemOfPage({ bufferView, uri, width, height, encoding, scale }, bufferViews) {
+  const known = bufferView === undefined ? typeof uri === "string" : uri === undefined && isIndex(bufferView, bufferViews);
+  if (!known) return "has to be in a bufferView of the file or at a uri";
+  if (encoding !== "irradiance") return `holds ${encoding}, not irradiance`;
+  if (!(Number.isFinite(scale) && scale > 0)) return `has the scale ${scale}`;
+  if (uri !== undefined) return null;
+  const size = sizeOf(bufferViews[bufferView]);
+  if (!size) return "is not a whole EXR picture";
+  return size[0] === width && size[1] === height ? null : `is ${size.join(" x ")}, not ${width} x ${height}`;
+}
+
+function problemOfPlace({ page, texCoord, offset, scale }, { mesh }, pages, meshes) {
+  if (!isIndex(mesh, meshes)) return "has a rectangle but no mesh";
+  if (!isIndex(page, pages)) return `is on page ${page}, but the file has ${pages.length}`;
+  if (!isPair(offset) || !isPair(scale)) return "has no offset and scale of two numbers each";
+  const surfaces = meshes[mesh].primitives.filter(({ mode }) => TRIANGLES.includes(mode));
+  const set = `TEXCOORD_${texCoord}`;
+  const known = Number.isInteger(texCoord) && surfaces.every(({ attributes }) => set in attributes);
+  return known ? null : `has a mesh without ${set}`;
+}
+
+function isIndex(value, list) {
+  return Number.isInteger(value) && value >= 0 && value < (list?.length ?? 0);
+}
+
+function isPair(value) {
+  return Array.isArray(value) && value.length === 2 && value.every(Number.isFinite);
 }
 
 /** Takes what `bind` mirrors out of `extras.luxel`. */

@@ -156,13 +156,13 @@ function checkedPlaces(json, pages) {
     if (!place) return;
     const label = node.name ? `node ${index} (${node.name})` : `node ${index}`;
     const { page, texCoord, offset, scale } = place;
+    if (!isIndex(node.mesh, json.meshes)) fail(`${label} has a rectangle but no mesh`);
     if (!isIndex(page, pages)) fail(`${label} is on page ${page}, but the file has ${pages.length}`);
     if (!isPair(offset) || !isPair(scale)) fail(`${label} has no offset and scale of two numbers each`);
     if (!(Number.isInteger(texCoord) && texCoord >= 0 && texCoord < CHANNELS)) {
       fail(`${label} uses TEXCOORD_${texCoord}; three.js reads TEXCOORD_0 to TEXCOORD_${CHANNELS - 1}`);
     }
-    const primitives = json.meshes?.[node.mesh]?.primitives ?? [];
-    const surfaces = primitives.filter(({ mode }) => TRIANGLES.includes(mode));
+    const surfaces = json.meshes[node.mesh].primitives.filter(({ mode }) => TRIANGLES.includes(mode));
     if (!surfaces.every(({ attributes }) => `TEXCOORD_${texCoord}` in attributes)) {
       fail(`${label} has a mesh without TEXCOORD_${texCoord}`);
     }

@@ -1,7 +1,7 @@
 // Pictures that `luxel inspect` painted: pageN.NAME.png, shown in place of the light.
 
 import { NearestFilter, SRGBColorSpace, TextureLoader } from "three";
-import { inspection } from "./look.js";
+import { clearInspections, inspection } from "./look.js";
 
 /** The pictures among dropped or chosen files: pages and addresses by what they show. */
 export function inspectionsOf(files) {
@@ -13,16 +13,19 @@ export function inspectionsOf(files) {
   return pictures;
 }
 
-/** Loads pictures, [page, address] each. */
+/** Shows pictures, [page, address] each, in place of those before. */
 export async function inspect(pictures) {
-  for (const [page, address] of pictures) {
-    const texture = await new TextureLoader().loadAsync(address).catch(() => {
-      throw new Error(`the picture of page ${page} (${address}) cannot be loaded`);
-    });
-    texture.colorSpace = SRGBColorSpace;
-    texture.generateMipmaps = false;
-    texture.minFilter = texture.magFilter = NearestFilter;
-    inspection(page).value?.dispose();
-    inspection(page).value = texture;
-  }
+  const textures = await Promise.all(pictures.map(painted));
+  clearInspections();
+  pictures.forEach(([page], index) => (inspection(page).value = textures[index]));
+}
+
+async function painted([page, address]) {
+  const texture = await new TextureLoader().loadAsync(address).catch(() => {
+    throw new Error(`the picture of page ${page} (${address}) cannot be loaded`);
+  });
+  texture.colorSpace = SRGBColorSpace;
+  texture.generateMipmaps = false;
+  texture.minFilter = texture.magFilter = NearestFilter;
+  return texture;
 }

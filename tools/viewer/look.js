@@ -17,6 +17,14 @@ export function inspection(page) {
   return (inspections[page] ??= { value: null });
 }
 
+/** Takes the pictures of all pages away. */
+export function clearInspections() {
+  for (const uniform of inspections.filter(Boolean)) {
+    uniform.value?.dispose();
+    uniform.value = null;
+  }
+}
+
 const DECLARATIONS = Object.keys(look).map((name) => `uniform bool ${name};`).join("\n") + "\nuniform sampler2D inspection;";
 
 const BEFORE_LIGHT = `

@@ -37,15 +37,18 @@ let pictures = new Map();
 let drawing = null;
 let drawnAt = null;
 
-async function show(from) {
+/** Opens a scene, with the pictures that came with it: dropped ones, or those at an address. */
+async function show(from, dropped = new Map(), address = null) {
   say(`Loading ${from.name} ...`);
   document.body.dataset.state = "loading";
   try {
     const gltf = await load(from, true);
     const lightmap = gltf.parser.plugins.LUXEL_lightmap;
     const irradiance = meanIrradiance(lightmap.pages);
-    const address = parameters.get("inspection");
-    if (address) await inspect(lightmap.pages.map((_, page) => [page, address.replace("{page}", page)]));
+    offer(dropped);
+    const painted = address ? lightmap.pages.map((_, page) => [page, address.replace("{page}", page)]) : chosen();
+    await inspect(painted);
+    if (!painted.length && form.look.value === "inspection") form.look.value = "scene";
     for (const scene of [open?.lit, open?.unbaked]) discard(scene);
     open = { from, irradiance, lit: staged(gltf, irradiance), unbaked: null };
     lookThrough(gltf);
@@ -192,19 +195,26 @@ function say(text) {
 function openFiles(list) {
   const from = ofFiles([...list]);
   const dropped = inspectionsOf([...list]);
-  if (dropped.size) {
-    pictures = dropped;
-    form.picture.replaceChildren(...[...pictures.keys()].sort().map((name) => new Option(name)));
-    form.picture.parentElement.hidden = false;
-    form.look.value = "inspection";
-    choosePicture();
-  }
-  if (from) show(from);
-  else if (!dropped.size) say("No .glb or .gltf among these files.");
+  if (from) return show(from, dropped);
+  if (!dropped.size) return say("No .glb or .gltf among these files.");
+  offer(dropped);
+  choosePicture();
+}
+
+/** Lets one choose among pictures of what is open. */
+function offer(dropped) {
+  pictures = dropped;
+  form.picture.replaceChildren(...[...pictures.keys()].sort().map((name) => new Option(name)));
+  form.picture.parentElement.hidden = !pictures.size;
+  if (pictures.size) form.look.value = "inspection";
+}
+
+function chosen() {
+  return pictures.get(form.picture.value) ?? [];
 }
 
 function choosePicture() {
-  inspect(pictures.get(form.picture.value)).then(settle).catch((error) => say(error.message));
+  inspect(chosen()).then(settle).catch((error) => say(error.message));
 }
 
 addEventListener("resize", draw);
@@ -231,5 +241,5 @@ for (const name of ["look", "tone"]) if (parameters.has(name)) form[name].value 
 for (const name of ["gloss", "texels", "compare"]) {
   if (parameters.has(name)) form[name].checked = parameters.get(name) === "1";
 }
-if (parameters.has("file")) show(atUrl(parameters.get("file")));
+if (parameters.has("file")) show(atUrl(parameters.get("file")), new Map(), parameters.get("inspection"));
 else document.body.dataset.state = "ready";

@@ -75,6 +75,9 @@ impl Baked {
             let name = node.name().map(|name| format!(" ({name})")).unwrap_or_default();
             let label = format!("node {}{name}", node.index());
             let place: Place = parsed(value, &label)?;
+            if node.mesh().is_none() {
+                return Err(format!("{label} has a rectangle but no mesh"));
+            }
             if place.page >= pages.len() {
                 return Err(format!("{label} is on page {}, but the file has {}", place.page, pages.len()));
             }
@@ -204,6 +207,12 @@ mod tests {
             (problem(|f| node(f, "offset", json!(null))), "the data of node 0 (Wall) make no sense"),
             (problem(|f| node(f, "offset", json!([1e39, 0]))), "node 0 (Wall) reaches beyond its page"),
             (problem(|f| node(f, "page", json!(-1))), "the data of node 0 (Wall) make no sense"),
+            (
+                problem(|f| {
+                    f["nodes"][0].as_object_mut().unwrap().remove("mesh");
+                }),
+                "node 0 (Wall) has a rectangle but no mesh",
+            ),
             (problem(|f| page(f, "scale", json!(0.0))), "page 0 has the scale 0"),
             (problem(|f| page(f, "encoding", json!("radiance"))), "page 0 holds radiance, not irradiance"),
             (

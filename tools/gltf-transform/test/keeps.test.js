@@ -91,7 +91,8 @@ function broken(change) {
 }
 
 const view = (map, json) => json.bufferViews[map.pages[0].bufferView];
-const placed = (json) => json.nodes.find((node) => node.extensions?.[NAME]).extensions[NAME];
+const lit = (json) => json.nodes.find((node) => node.extensions?.[NAME]);
+const placed = (json) => lit(json).extensions[NAME];
 const PROBLEMS = [
   ["no pages", (map) => (map.pages = {}), "the file lists no pages"],
   ["a missing page", (map) => (map.pages[0].bufferView = 999), "page 0 has to be in a bufferView of the file or at a uri"],
@@ -99,6 +100,15 @@ const PROBLEMS = [
   ["a truncated page", (map, json) => (view(map, json).byteLength -= 1), "page 0 is not a whole EXR picture"],
   ["another picture", (map, json, bin) => bin.fill(0, view(map, json).byteOffset), "page 0 is not a whole EXR picture"],
   ["a wrong size", (map) => (map.pages[0].width = 129), "page 0 is 128 x 128, not 129 x 128"],
+  ["another encoding", (map) => (map.pages[0].encoding = "radiance"), "page 0 holds radiance, not irradiance"],
+  ["no scale", (map) => delete map.pages[0].scale, "page 0 has the scale undefined"],
+  ["a scale of nothing", (map) => (map.pages[0].scale = 0), "page 0 has the scale 0"],
+  ["no rectangle", (map, json) => delete placed(json).offset, "has no offset and scale of two numbers each"],
+  ["half a rectangle", (map, json) => (placed(json).scale = [1]), "has no offset and scale of two numbers each"],
+  ["no such set", (map, json) => (placed(json).texCoord = 5), "has a mesh without TEXCOORD_5"],
+  ["a set that is no number", (map, json) => (placed(json).texCoord = "1"), "has a mesh without TEXCOORD_1"],
+  ["no mesh", (map, json) => delete lit(json).mesh, "has a rectangle but no mesh"],
+  ["a view that is no number", (map) => (map.pages[0].bufferView = "length"), "page 0 has to be in a bufferView of the file or at a uri"],
   ["no such page", (map, json) => (placed(json).page = 7), "is on page 7, but the file has 1"],
   ["no such lamp", (map) => (map.bakedLights = [999]), "its bakedLights are no nodes of the file"],
 ];
@@ -165,12 +175,62 @@ test("quantized coordinates stay within a hundredth of a texel", async () => {
   });
 });
 
+/** The baked file, whose first lit node has a child that is not lit, read with the extension. */
+async function withChild() {
+  const attach = (map, json) => (lit(json).children = [json.nodes.push({ name: "Ornament", mesh: lit(json).mesh }) - 1]);
+  return io(LuxelLightmap).readBinary(broken(attach));
+}
+
+test("a lit node with a child keeps its light when it is quantized: the place follows the mesh", async () => {
+  const document = await withChild();
+  await document.setLogger(silent).transform(quantize({ quantizeTexcoord: 16 }));
+  const file = join(folder, "parent.glb");
+  // Twice: the document stays true.
+  for (let times = 0; times < 2; times++) await io(LuxelLightmap).write(file, document);
+  const [before, { json }] = [open(baked).json, open(file)];
+  const parent = json.nodes.find(({ name }) => name === lit(before).name);
+  assert.ok(!("mesh" in parent) && !parent.extensions?.[NAME] && !parent.extras.luxel.lightmap);
+  const child = parent.children.map((index) => json.nodes[index]).find((node) => node.extensions?.[NAME]);
+  assert.deepEqual(child.extensions[NAME], placed(before));
+  assert.deepEqual(child.extras.luxel.lightmap, placed(before));
+  assert.ok(child.mesh !== undefined && child.name !== "Ornament");
+  assert.equal(places(open(file)).length, places(open(baked)).length);
+  assert.ok(json.nodes.every((node) => !node.extensions?.[NAME] || "mesh" in node));
+});
+
+test("a lit node whose mesh is gone loses its light, and one line says so", async () => {
+  const said = [];
+  const document = (await withChild()).setLogger({ ...silent, warn: (line) => said.push(line) });
+  const node = document.getRoot().listNodes().find((node) => node.getExtension(NAME)).setMesh(null);
+  const file = join(folder, "bare.glb");
+  await io(LuxelLightmap).write(file, document);
+  assert.deepEqual(said, [`${NAME}: node ${node.getName()} has no mesh any more; its light is left out`]);
+  assert.equal(places(open(file)).length, places(open(baked)).length - 1);
+});
+
 test("without the extension the lightmap is lost: the tests above mean something", async () => {
   const file = join(folder, "lost.glb");
   await io().write(file, await io().read(baked));
   const { json } = open(file);
   assert.equal(json.extensions?.[NAME], undefined);
   assert.ok(json.nodes.every((node) => !node.extensions?.[NAME]));
+});
+
+test("the README's lines take a Draco file to a baked one", () => {
+  const run = (program, ...args) => execFileSync(program, args, { cwd: folder, stdio: "pipe" });
+  const cli = new URL("../node_modules/.bin/gltf-transform", import.meta.url).pathname;
+  run(cli, "draco", `${ASSETS}room.glb`, "in.glb");
+  assert.deepEqual(open(join(folder, "in.glb")).json.extensionsRequired, ["KHR_draco_mesh_compression"]);
+  const lines = readFileSync(new URL("../README.md", import.meta.url), "utf8").split("\n")
+    .filter((line) => /^    (gltf-transform (?!ktx)|luxel bake )/.test(line)).map((line) => line.split("#")[0].trim().split(" "));
+  assert.deepEqual(lines.map((words) => words[1]), ["copy", "optimize", "bake"]);
+  for (const [program, ...args] of lines) {
+    if (program === "luxel") run(LUXEL, ...args, "--resolution", "128", "--rays", "8", "--quiet");
+    else run(cli, ...args);
+  }
+  const { json } = open(join(folder, "room.lit.glb"));
+  assert.ok(json.nodes.some((node) => node.extensions?.[NAME]));
+  assert.ok(!json.extensionsUsed.includes("KHR_draco_mesh_compression"));
 });
 
 test("gltfpack drops the lightmap whatever its flags: pack first, bake last", async () => {

@@ -161,6 +161,7 @@ const PROBLEMS = [
   ["a page that is no number", node((place) => (place.page = "length")), /node 0 \(Floor\) is on page length/],
   ["no such set", node((place) => (place.texCoord = 2)), /node 0 \(Floor\) has a mesh without TEXCOORD_2/],
   ["a set three cannot read", node((place) => (place.texCoord = 4)), /TEXCOORD_4; three\.js reads/],
+  ["no mesh", (json) => delete json.nodes[0].mesh, /node 0 \(Floor\) has a rectangle but no mesh/],
   ["no rectangle", node((place) => delete place.offset), /node 0 \(Floor\) has no offset and scale/],
 ];
 

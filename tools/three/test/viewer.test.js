@@ -89,6 +89,35 @@ test("of several pictures that are dropped one is chosen", async () => {
   assert.ok(!pixels.data.equals((await seen()).pixels.data));
 });
 
+test("pictures of one file are not shown on another", async () => {
+  const files = ["cornell.gltf", "cornell.bin", "cornell.page0.exr"].map((name) => join(stand.folder, name));
+  const inspection = "/scenes/seen/page{page}.charts.png";
+  const choose = async (page, names) => {
+    await page.setInputFiles("input[type=file]", names);
+    await settled(page);
+  };
+  const lookAt = async (page) => {
+    await page.selectOption("select[name=look]", "inspection", { force: true });
+    await page.waitForTimeout(500);
+  };
+  const lit = (await seen()).pixels.data;
+  const linked = { look: "inspection", inspection };
+  // Over a file with pictures, linked or chosen: its light is shown, and there are no pictures to look at.
+  assert.ok((await seen(linked, (page) => choose(page, files))).pixels.data.equals(lit));
+  const pictures = [join(stand.folder, "seen/page0.charts.png")];
+  const after = await seen({}, async (page) => {
+    await choose(page, [...files, ...pictures]);
+    await choose(page, files);
+    await lookAt(page);
+    assert.ok(await page.$eval("select[name=picture]", (select) => select.parentElement.hidden));
+  });
+  const dark = await seen({}, lookAt);
+  assert.ok(after.pixels.data.equals(dark.pixels.data) && !dark.pixels.data.equals(lit));
+  // Those that come with it are.
+  const charts = (await seen(linked)).pixels.data;
+  assert.ok((await seen({}, (page) => choose(page, [...files, ...pictures]))).pixels.data.equals(charts));
+});
+
 test("the unbaked scene stands to the right, under an even light if it has none", async () => {
   const { pixels } = await seen({ compare: 1 });
   const at = (x, y) => [...pixels.data.subarray(4 * (y * pixels.width + x), 4 * (y * pixels.width + x) + 3)];

@@ -139,6 +139,8 @@ func _scaled(image: Image, factor: float) -> Image:
 
 ## Why a node cannot be lit, or nothing.
 func _misplaced(state: GLTFState, node: Dictionary, place: Dictionary, pages: int) -> String:
+	if not node.has("mesh"):
+		return "has a rectangle but no mesh"
 	if not (_is_pair(place.get("offset")) and _is_pair(place.get("scale"))):
 		return "has no rectangle that makes sense"
 	if _index(place.get("page"), pages) < 0:
