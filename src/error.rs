@@ -40,8 +40,8 @@ pub enum Error {
         /// True for an input file, which is the user's mistake rather than the machine's.
         input: bool,
     },
-    /// The bake needs more memory than there is.
-    #[error("the bake needs about {need_mb} MB, the machine has {free_mb} MB free\n  {remedy}")]
+    /// What is to be done needs more memory than there is.
+    #[error("this needs about {need_mb} MB, the machine has {free_mb} MB free\n  {remedy}")]
     Memory {
         /// Estimated need, in MB.
         need_mb: u64,

@@ -508,23 +508,14 @@ fn pictured(folder: &Folder, n: usize, edge: u32) {
     });
 }
 
-/// Runs `luxel` with at most `kilobytes` of address space.
-#[cfg(unix)]
-fn confined(folder: &Folder, kilobytes: u32, arguments: &str) -> (Option<i32>, String) {
-    let luxel = env!("CARGO_BIN_EXE_luxel");
-    let mut shell = std::process::Command::new("sh");
-    shell.args(["-c", &format!("ulimit -v {kilobytes}; exec '{luxel}' {arguments}")]).current_dir(folder.path("."));
-    ends(shell)
-}
-
 #[cfg(target_os = "linux")]
 #[test]
 fn pictures_that_do_not_fit_into_memory_are_refused_with_a_remedy() {
     let folder = Folder::new();
     pictured(&folder, 20, 4096);
-    let (code, said) = confined(&folder, 1_500_000, &format!("bake odd.gltf {QUICK} --threads 1"));
-    assert_eq!(code, Some(1), "{said}");
-    assert!(said.contains("MB free") && said.contains("gltf-transform/cli resize"), "{said}");
+    let said = folder.confined(1_500_000, &format!("bake odd.gltf {QUICK} --threads 1"));
+    assert_eq!(said.code, 1, "{}", said.err);
+    assert!(said.err.contains("MB free") && said.err.contains("gltf-transform/cli resize"), "{}", said.err);
     assert_eq!(folder.files(), ["a.png", "odd.gltf", "room.gltf"]);
 }
 

@@ -99,6 +99,20 @@ fn lamps_that_the_map_leaves_to_the_engine_are_drawn() {
     assert!((mixed / full - 1.0).abs() < 0.02, "{mixed} {full}");
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn pictures_take_memory_for_pixels_and_none_for_rays() {
+    let folder = baked("");
+    // Upwards, past everything: 16 million rays.
+    let said = folder
+        .confined(400_000, "render lit.gltf -o a.png --size 500x500 --samples 8 --camera 0,9,0,0,99,1 --threads 1");
+    assert_eq!(said.code, 0, "{}", said.err);
+    let said = folder.confined(400_000, "render lit.gltf -o b.png --size 16384x16384 --samples 32 --threads 1");
+    assert_eq!(said.code, 1, "{}", said.err);
+    assert!(said.err.contains("MB free") && said.err.contains("lower --size"), "{}", said.err);
+    assert!(!folder.files().contains(&"b.png".into()));
+}
+
 #[test]
 fn what_cannot_be_painted_is_refused() {
     let folder = baked("");

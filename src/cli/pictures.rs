@@ -7,6 +7,7 @@ use luxel::{
     error::{Error, Result},
     files::{self, has_extension},
     lightmaps::Reading,
+    memory,
     pixels::{encode_png, exr},
     preview::{self, Cast, Picture},
     render::{self, View},
@@ -19,10 +20,21 @@ const SIZE: UVec2 = UVec2::new(960, 540);
 /// Rays a pixel and axis, and paths of each where it meets metal.
 const GRID: u32 = 2;
 const PATHS: u32 = 16;
+/// Bytes that encoding takes for a pixel beside the picture, where all is noise: streams whose buffers have just doubled,
+/// two of a PNG; one of an EXR, and the channels apart.
+const BYTES_OF_PNG: u64 = 12;
+const BYTES_OF_EXR: u64 = 36;
 
 /// What `camera`, or a camera that is found, sees of what was just baked.
 pub fn preview(scene: &Scene, baked: &Baked, camera: Option<Camera>) -> Picture {
     paint(scene, &mut render::of_bake(baked, Reading::Bilinear, PATHS), camera, SIZE, GRID)
+}
+
+/// Refuses a picture that would not fit, before it is painted.
+pub fn fits(size: UVec2, file: &Path) -> Result<()> {
+    let encoding = if has_extension(file, &["exr"]) { BYTES_OF_EXR } else { BYTES_OF_PNG };
+    let bytes = u64::from(size.x) * u64::from(size.y) * (Picture::BYTES_A_PIXEL + encoding);
+    memory::fits(bytes >> 20, memory::free_mb(), "lower --size")
 }
 
 /// What `camera`, or one that is found, sees by `grid` times `grid` rays a pixel.

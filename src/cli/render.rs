@@ -35,6 +35,7 @@ pub fn run(args: &args::Render) -> Result<ExitCode> {
     let world = World::new(&scene);
     let coverage = Coverage::new(&world, &atlas);
     let tracer = Tracer::new(world);
+    pictures::fits(args.size, file)?;
     let mut view = render::of_file(&tracer, &coverage, &lightmaps, args.paths);
     let picture = pictures::paint(&scene, &mut view, camera, args.size, args.samples);
     signals::begin_writing();

@@ -5,7 +5,7 @@ use crate::{
     math::{luminance, srgb},
     scene::{Camera, Sky},
 };
-use glam::{UVec2, Vec2, Vec3};
+use glam::{UVec2, Vec3};
 use rayon::prelude::*;
 
 /// A finished picture.
@@ -21,39 +21,53 @@ pub struct Picture {
     pub exposure: f32,
 }
 
+impl Picture {
+    /// Memory for a pixel, whatever its rays.
+    pub const BYTES_A_PIXEL: u64 = (size_of::<[u8; 3]>() + size_of::<Vec3>()) as u64;
+}
+
 /// Radiance along a ray, and the surface that it comes from, if any.
 type Seen = (Vec3, Option<Sight>);
 
+/// Rays by which the exposure is found, at most: of a picture's tens of millions not all need be kept.
+const GLANCE: UVec2 = UVec2::new(480, 270);
+
 /// What `camera` sees, by `grid` times `grid` rays a pixel, with an exposure that is given or found.
 pub fn paint(cast: &Cast, sky: &Sky, camera: &Camera, size: UVec2, grid: u32, exposure: Option<f32>) -> Picture {
-    let aspect = size.x as f32 / size.y as f32;
-    let (tan_x, tan_y) = half_extent(camera.yfov, aspect);
+    let (tan_x, tan_y) = half_extent(camera.yfov, size.x as f32 / size.y as f32);
     let (right, up) = axes(camera.forward, camera.up);
-    let fine = size * grid;
-    let radiance = |x: u32, y: u32| {
-        let at = (Vec2::new(x as f32, y as f32) + 0.5) / fine.as_vec2() * 2.0 - 1.0;
+    // Through the middle of a cell, where the picture has so many.
+    let seen = |cell: UVec2, cells: UVec2| -> Seen {
+        let at = (cell.as_vec2() + 0.5) / cells.as_vec2() * 2.0 - 1.0;
         let direction = (camera.forward + right * (at.x * tan_x) - up * (at.y * tan_y)).normalize();
         let sight = see(cast, camera.eye, direction).map(|(sight, _)| sight);
         (sight.map_or_else(|| sky.radiance(direction), |s| s.radiance), sight)
     };
-    let rows = (0..fine.y).into_par_iter().flat_map_iter(|y| (0..fine.x).map(move |x| (x, y)));
-    let seen: Vec<Seen> = rows.map(|(x, y)| radiance(x, y)).collect();
-    let is_lit = |sight: &Option<Sight>| sight.is_some_and(|s| !s.unlit);
-    let lit = || seen.iter().filter(|s| is_lit(&s.1)).map(|s| luminance(s.0)).collect();
-    let exposure = exposure.unwrap_or_else(|| auto_exposure(lit()));
-    let cell =
-        |x: u32, y: u32| (0..grid * grid).map(move |k| ((y * grid + k / grid) * fine.x + x * grid + k % grid) as usize);
-    let color = |&(radiance, sight): &Seen| match sight {
+    let exposure = exposure.unwrap_or_else(|| {
+        let cells = size.min(GLANCE);
+        let lit = |(radiance, sight): Seen| sight.filter(|s| !s.unlit).map(|_| luminance(radiance));
+        auto_exposure(every(cells).filter_map(|cell| lit(seen(cell, cells))).collect())
+    });
+    let color = |(radiance, sight): Seen| match sight {
         Some(Sight { unlit: true, .. }) => radiance,
         _ => shown(radiance * exposure),
     };
-    let mean = |x: u32, y: u32, of: &dyn Fn(&Seen) -> Vec3| {
-        cell(x, y).map(|k| of(&seen[k])).sum::<Vec3>() / (grid * grid) as f32
+    // Exposed ray by ray, so that edges of what is too bright stay smooth.
+    let pixel = |at: UVec2| {
+        let rays = grid * grid;
+        let ray = |k: u32| seen(at * grid + UVec2::new(k % grid, k / grid), size * grid);
+        let (shown, radiance) = (0..rays).map(ray).fold((Vec3::ZERO, Vec3::ZERO), |(c, r), s| (c + color(s), r + s.0));
+        (srgb(shown / rays as f32), radiance / rays as f32)
     };
-    let pixels = || (0..size.y).flat_map(|y| (0..size.x).map(move |x| (x, y)));
-    let rgb = pixels().map(|(x, y)| srgb(mean(x, y, &color))).collect();
-    let radiance = pixels().map(|(x, y)| mean(x, y, &|seen| seen.0)).collect();
+    let (mut rgb, mut radiance) = (Vec::new(), Vec::new());
+    every(size).map(pixel).unzip_into_vecs(&mut rgb, &mut radiance);
     Picture { size, rgb, radiance, exposure }
+}
+
+/// The cells of a grid, row by row.
+fn every(cells: UVec2) -> impl IndexedParallelIterator<Item = UVec2> {
+    let width = cells.x as usize;
+    (0..width * cells.y as usize).into_par_iter().map(move |i| UVec2::new((i % width) as u32, (i / width) as u32))
 }
 
 /// Factor that shows surfaces of these luminances well: the 95th percentile at .8, unless a few lights or patches of

@@ -16,10 +16,9 @@ pub use stored::{of_bake, of_file};
 
 use crate::{
     audit::{emitters::Emitters, surface::Place},
-    lightmaps::Content,
     math::{Random, cosine_hemisphere, hash},
     preview::Sight,
-    scene::{Bake, Light, Surface},
+    scene::{Light, Surface},
     trace::{Hit, NOWHERE, Ray, Tracer},
 };
 use ggx::Metal;
@@ -27,13 +26,13 @@ use glam::{Vec2, Vec3};
 use std::f32::consts::PI;
 
 /// Irradiance where a ray ended; `None` where no map knows it.
-pub type Known<'k> = dyn Fn(&Hit) -> Option<Vec3> + Sync + 'k;
+type Known<'k> = dyn Fn(&Hit) -> Option<Vec3> + Sync + 'k;
 
 /// What view rays ask.
 pub struct View<'v, 's> {
     tracer: &'v Tracer<'s>,
     known: Box<Known<'v>>,
-    /// Lamps whose first hit the map leaves out.
+    /// Lamps whose first hit is not known.
     left_out: Vec<&'s Light>,
     emitters: Option<Emitters>,
     /// Paths from a view ray that meets metal.
@@ -46,10 +45,9 @@ const LONGEST: u32 = 64;
 const SURE: u32 = 3;
 
 impl<'v, 's> View<'v, 's> {
-    /// A view of what `tracer` meets, in the light that is `known` to a map of this content.
-    pub fn new(tracer: &'v Tracer<'s>, known: Box<Known<'v>>, content: Content, paths: u32) -> Self {
-        let lights = tracer.world.scene.lights.iter();
-        let left_out = lights.filter(|l| l.bake != Bake::Full || content == Content::Indirect).collect();
+    /// A view of what `tracer` meets, in the light that is `known` and that of lamps whose first hit this leaves out.
+    fn new(tracer: &'v Tracer<'s>, known: Box<Known<'v>>, left_out: &dyn Fn(&Light) -> bool, paths: u32) -> Self {
+        let left_out = tracer.world.scene.lights.iter().filter(|lamp| left_out(lamp)).collect();
         View { tracer, known, left_out, emitters: Emitters::new(&tracer.world), paths }
     }
 
@@ -117,9 +115,10 @@ impl<'v, 's> View<'v, 's> {
             weight *= all / if mirrors { lobes.x } else { lobes.y };
             let lobe = vertex.lobe(mirrors);
             let place = vertex.place;
-            sum += weight * self.lamplight(&vertex, &lobe, &mut random);
+            let sample = lobe.sample(&place, u);
+            sum += weight * self.lamplight(&place, &lobe, sample.map(|s| s.0), &mut random);
             sum += weight * self.emitted(&place, &lobe, &mut random);
-            let Some((direction, share)) = lobe.sample(&place, u) else { break };
+            let Some((direction, share)) = sample else { break };
             let mut ray = place.ray(direction, random.key());
             weight *= share;
             let Some(hit) = self.front(&mut ray) else {
@@ -149,13 +148,13 @@ impl<'v, 's> View<'v, 's> {
         if sum.is_finite() { sum } else { Vec3::ZERO }
     }
 
-    /// Light of lamps that goes on at a vertex.
-    fn lamplight(&self, vertex: &Vertex, lobe: &Lobe, random: &mut Random) -> Vec3 {
+    /// Light of lamps that goes on at a place; `sample`: a direction that the lobe has drawn.
+    fn lamplight(&self, place: &Place, lobe: &Lobe, sample: Option<Vec3>, random: &mut Random) -> Vec3 {
         match lobe {
-            Lobe::Metal(metal) => lamps::mirrored(self.tracer, &vertex.place, metal, random),
+            Lobe::Metal(metal) => lamps::mirrored(self.tracer, place, metal, sample, random),
             Lobe::Matt(reflectance) => {
                 let all = self.tracer.world.scene.lights.iter().collect::<Vec<_>>();
-                *reflectance * lamps::irradiance(self.tracer, &vertex.place, &all, random) / PI
+                *reflectance * lamps::irradiance(self.tracer, place, &all, random) / PI
             }
         }
     }

@@ -2,9 +2,10 @@
 
 use super::View;
 use crate::{
-    atlas::{Coverage, NO_PAGE},
+    atlas::Coverage,
     bake::Baked,
     lightmaps::{Content, Lightmaps, Reading},
+    scene::{Bake, Light},
     trace::{Hit, Tracer},
 };
 use glam::Vec3;
@@ -14,14 +15,20 @@ pub fn of_bake<'v, 's>(baked: &'v Baked<'s>, reading: Reading, paths: u32) -> Vi
     let content = baked.lightmaps.content;
     let known = move |hit: &Hit| {
         let charted = &baked.coverage.charted[hit.triangle as usize];
-        let page = baked.atlas.pages.get(charted.page as usize)?;
-        if !page.hidden && content != Content::Direct {
+        // A hidden page is no map: paths see more than its coarse texels.
+        baked.atlas.pages.get(charted.page as usize).filter(|page| !page.hidden)?;
+        if content != Content::Direct {
             return Some(baked.lightmaps.read(&baked.coverage, hit.triangle, hit.bary, reading));
         }
         let texel = baked.coverage.texel_near(charted, charted.at(hit.bary));
         Some(texel.map_or(Vec3::ZERO, |t| baked.irradiance[t as usize]))
     };
-    View::new(&baked.tracer, Box::new(known), content, paths)
+    // The irradiance of the bake lacks only lamps of which nothing was baked.
+    let left_out = |lamp: &Light| match content {
+        Content::Direct => lamp.bake == Bake::None,
+        _ => leaves_out(content, lamp),
+    };
+    View::new(&baked.tracer, Box::new(known), &left_out, paths)
 }
 
 /// A view of what a file holds. Its direct light alone is shown as it is.
@@ -33,7 +40,12 @@ pub fn of_file<'v, 's>(
 ) -> View<'v, 's> {
     let known = |hit: &Hit| {
         let charted = &coverage.charted[hit.triangle as usize];
-        (charted.page != NO_PAGE).then(|| lightmaps.pages[charted.page as usize].bilinear(charted.at(hit.bary)))
+        lightmaps.pages.get(charted.page as usize).map(|map| map.bilinear(charted.at(hit.bary)))
     };
-    View::new(tracer, Box::new(known), lightmaps.content, paths)
+    View::new(tracer, Box::new(known), &|lamp| leaves_out(lightmaps.content, lamp), paths)
+}
+
+/// True if maps of this content leave the first hit of a lamp to who draws them.
+fn leaves_out(content: Content, lamp: &Light) -> bool {
+    lamp.bake != Bake::Full || content == Content::Indirect
 }

@@ -1,4 +1,5 @@
 //! Runs the program in a folder of its own.
+#![allow(dead_code, reason = "each test binary uses a part of it")]
 
 use std::{
     path::PathBuf,
@@ -42,7 +43,22 @@ impl Folder {
 
     /// Runs `luxel` with these arguments, separated by spaces.
     pub fn luxel(&self, arguments: &str) -> Said {
-        let Output { status, stdout, stderr } = self.command(arguments).output().unwrap();
+        Said::by(self.command(arguments))
+    }
+
+    /// Likewise, with at most so many kilobytes of address space.
+    #[cfg(target_os = "linux")]
+    pub fn confined(&self, kilobytes: u32, arguments: &str) -> Said {
+        let mut shell = Command::new("sh");
+        let luxel = env!("CARGO_BIN_EXE_luxel");
+        shell.args(["-c", &format!("ulimit -v {kilobytes}; exec '{luxel}' {arguments}")]).current_dir(self.0.path());
+        Said::by(shell)
+    }
+}
+
+impl Said {
+    fn by(mut command: Command) -> Self {
+        let Output { status, stdout, stderr } = command.output().unwrap();
         let text = |bytes| String::from_utf8(bytes).unwrap();
         Said { code: status.code().unwrap_or(-1), out: text(stdout), err: text(stderr) }
     }

@@ -15,7 +15,7 @@ Examples:
   luxel render scene.lit.glb --camera 5,1.6,5,8,1.4,8 --samples 8 -o corner.exr
 
 Matt surfaces are looked up in the lightmap, what metals mirror is traced. Dielectrics are matt, as
-baked: tracing their gloss takes 30 to 60 times as long and moves pixels by 1 %.
+baked: tracing their gloss takes 30 to 60 times as long and moves pixels by a median of 1 %.
 
 Exit codes: 0 done; 1 failed; 2 wrong usage; 3 the input is missing, invalid or not baked; 130 interrupted.";
 
