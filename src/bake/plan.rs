@@ -10,7 +10,7 @@ use crate::{
     report::{FormFactorReport, NodeReport, PageReport, RayReport, ReflectanceReport, Report, SCHEMA, SceneCounts},
     scene::{Primitive, Scene, Texture, World},
     trace::{self, Tracer},
-    transport::{FormFactors, Receivers},
+    transport::{self, FormFactors, Receivers},
 };
 use std::collections::HashSet;
 
@@ -94,11 +94,21 @@ pub(super) fn announce(
     let beside = if textures > 0 { format!(", beside {} MB of textures", textures >> 20) } else { String::new() };
     let size = format!("{texels} texels on {pages} page(s)");
     let effort = match options.transport.receivers {
-        Receivers::All => format!("{rays} rays, up to {need_mb} MB"),
+        Receivers::All => {
+            format!("{rays} rays{}, up to {need_mb} MB", unshared(&options.transport, coverage.texels.len()))
+        }
         Receivers::Auto => format!("up to {rays} rays, {need_mb} MB and the receivers' rows"),
     };
     observer.plan(&format!("{size}, {effort} of {free_mb} MB free{beside}"));
     memory::fits(need_mb, free_mb, REMEDY)
+}
+
+/// What to know of rays that neighbours were to share, if they are too many for it: fewer would err less.
+fn unshared(options: &transport::Options, texels: usize) -> String {
+    if !options.reuse || options.form_factors != FormFactors::Rays || options.shares(texels) {
+        return String::new();
+    }
+    format!(" (too many for neighbours to share, as up to {} a texel are)", transport::Options::most_shared(texels))
 }
 
 /// Fills the report from the rooms.
@@ -286,5 +296,15 @@ mod tests {
         // 40 GB for the pixels alone.
         let refused = refuse(&Scene::default(), &resolution(32768), None).is_err();
         assert!(refused || memory::free_mb() > 40_000);
+    }
+
+    #[test]
+    fn rays_that_neighbours_cannot_share_are_told() {
+        let told =
+            |rays, reuse, texels| unshared(&transport::Options { reuse, ..transport::Options::of(rays) }, texels);
+        assert_eq!(told(64, true, 1 << 26), "");
+        assert_eq!(told(92, true, 727_508), "");
+        assert!(told(93, true, 727_508).contains("up to 92 a texel"));
+        assert_eq!(told(93, false, 727_508), "");
     }
 }

@@ -95,10 +95,15 @@ impl Options {
         Options { rays, ..Options::default() }
     }
 
-    /// True if neighbours use each other's rays, each of which takes 16 bytes then: with many rays it would be too many.
+    /// True if neighbours use each other's rays.
     pub fn shares(&self, receivers: usize) -> bool {
-        let few = self.rays <= SHARED || receivers as u64 * u64::from(self.rays) <= SHARED_IN_ALL;
-        self.reuse && self.form_factors == FormFactors::Rays && few
+        self.reuse && self.form_factors == FormFactors::Rays && self.rays <= Self::most_shared(receivers)
+    }
+
+    /// Rays a row, at most, of so many receivers whose rays neighbours can use: each takes 16 bytes then instead of 4.
+    pub fn most_shared(receivers: usize) -> u32 {
+        let many = SHARED_IN_ALL / receivers.max(1) as u64;
+        SHARED.max(many.min(u64::from(u32::MAX)) as u32)
     }
 
     /// Rays of a row.
