@@ -3,6 +3,7 @@
 mod limits;
 mod methods;
 mod odd;
+mod refusals;
 
 #[path = "../program/mod.rs"]
 mod program;
