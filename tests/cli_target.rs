@@ -58,6 +58,28 @@ fn time_ends_a_bake() {
     assert_eq!((code, &report["target"]["reached"]), (0, &Value::Bool(true)));
 }
 
+/// The audit looks at all texels, wherever rows were measured.
+#[test]
+fn targets_work_with_rows_at_some_texels() {
+    for (options, expected) in [("--error 5%", 0), ("--error .001%", 4), ("--time 2s", 0)] {
+        let (code, report) = bake(&Folder::new(), &format!("{options} --receivers auto"));
+        let (target, error) = (&report["target"], &report["audit"]["error"]);
+        assert_eq!(
+            (code, &target["reached"]),
+            (expected, &Value::Bool(options == "--error 5%")),
+            "{options}: {target}"
+        );
+        let [receivers, texels, rays] = ["receivers", "texels", "adaptive_rays"].map(|f| report[f].as_u64().unwrap());
+        assert!(receivers < texels, "{options}: {receivers} of {texels}");
+        let [low, value, high] = ["low", "value", "high"].map(|f| error[f].as_f64().unwrap());
+        assert!(low <= value && value <= high && value < 0.05, "{options}: {error}");
+        assert!(
+            target["looks"].as_array().unwrap().last().is_none_or(|look| look["rays"] == rays),
+            "{options}: {target}"
+        );
+    }
+}
+
 #[test]
 fn threads_do_not_change_a_byte() {
     let files = [1, 3].map(|threads| {

@@ -4,6 +4,7 @@ use crate::{scenes::*, unwrapped};
 use glam::{DVec2, DVec3, Vec3};
 use luxel::{
     atlas::{Atlas, Coverage, Density, NO_CHART, Options, PADDING, Unwrap},
+    bake::bake,
     error::Error,
     progress::{Observer, Silent},
     scene::{Primitive, Scene, World},
@@ -243,17 +244,29 @@ fn threads_change_nothing() {
     }
 }
 
+/// Whatever looks at it stops.
+struct Stop;
+
+impl Observer for Stop {
+    fn cancelled(&self) -> bool {
+        true
+    }
+}
+
 #[test]
 fn a_cancelled_observer_stops_it() {
-    struct Stop;
-    impl Observer for Stop {
-        fn cancelled(&self) -> bool {
-            true
-        }
-    }
     let scene = scene(vec![cube()], &[(0, DVec3::ONE)]);
     let result = luxel::atlas::unwrap(&scene, &Options::default(), Path::new("x"), &Stop, &mut Vec::new());
     assert!(matches!(result, Err(Error::Interrupted)));
+}
+
+/// More than an atlas can hold, so that it is refused on any machine; charts that were begun would stop at once.
+#[test]
+fn what_cannot_fit_is_refused_before_charts_are_made() {
+    let scene = scene(vec![cube()], &[(0, DVec3::ONE); 100]);
+    let atlas = Options { density: Density::TexelsPerMeter(20_000.0), page_size: 32768, ..Options::default() };
+    let result = bake(&scene, &luxel::bake::Options { atlas, ..Default::default() }, &Stop);
+    assert!(matches!(result.err(), Some(Error::Usage(_))));
 }
 
 #[test]

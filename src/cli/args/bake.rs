@@ -22,6 +22,9 @@ Examples:
       as many pages as 32 texels per metre need, under a picture of the sky and a sun
   luxel bake scene.glb --report - --quiet > report.json
 
+What is refused ends with exit code 2 and the reason. No option keeps what texels see of each
+other for a bake in another light: that is for the library.
+
 Exit codes: 0 done; 1 failed, or done with warnings under --strict; 2 wrong usage; 3 the input is missing, invalid or
 unsupported; 4 done, but the error that was typed is not reached; 130 interrupted.";
 
@@ -77,19 +80,20 @@ pub struct Bake {
           conflicts_with_all = ["rays", "bounces"])]
     pub time: Option<Duration>,
 
-    /// --error by a name: preview is 10%, medium 3%, high 1%
+    /// --error by a name: preview is 10%, medium 3%, high 1%. Refuses --error
     #[arg(long, value_name = "NAME", help_heading = "Effort", value_parser = named(Quality::ALL, Quality::name),
           conflicts_with_all = ["rays", "bounces"])]
     pub quality: Option<Quality>,
 
-    /// Rays a texel for indirect light, 1 to 65536, instead of an error to reach. Up to 64, or up to 2^26 in all,
-    /// neighbours use each other's rays, which is worth four to eight times as many [with --bounces: 64]
+    /// Rays a texel for indirect light, 1 to 65536. Up to 64, or up to 2^26 in all, neighbours use each other's rays, which
+    /// is worth four to eight times as many. A fixed effort: refuses --error, --time and --quality [with --bounces: 64]
     #[arg(long, value_name = "N", help_heading = "Effort",
           value_parser = RangedU64ValueParser::<u32>::new().range(1..=65536), allow_negative_numbers = true)]
     pub rays: Option<u32>,
 
     /// Bounces after which light is dropped, 0 to 65536, whatever the solver; 0: direct light only, of emissive surfaces
-    /// and the sky, too [default: all bounces, with a bound on the error]
+    /// and the sky, too. Refuses --error, --time and --quality: audits count all light [default: all bounces, with a bound
+    /// on the error]
     #[arg(long, value_name = "N", help_heading = "Effort",
           value_parser = RangedU64ValueParser::<u32>::new().range(0..=65536))]
     pub bounces: Option<u32>,
@@ -109,15 +113,17 @@ pub struct Bake {
     pub content: Content,
 
     /// Who measures how much texels see of each other: rays; hemicube, with N pixels along its edge, even, 4 to 512, one ray
-    /// each (64 if N is left out); analytic, closed forms between at most 2048 flat patches, with the backs that rays meet.
-    /// The last two are what rays are held against: they refuse --error, --time and --quality, hemicube --rays, too
+    /// each (64 if N is left out); analytic, closed forms between flat faces. The last two are what rays are held against.
+    /// hemicube refuses --error, --time, --quality and --rays: its effort is N. analytic refuses --error, --time and
+    /// --quality: its effort cannot grow; it refuses smooth normals, more than 2048 patches, with the backs that rays meet,
+    /// and more than 3072 pieces of triangles in texels
     #[arg(long, value_name = "rays | hemicube[,N] | analytic", help_heading = "Method",
           default_value_t = FormFactors::default(), value_parser = values::form_factors)]
     pub form_factors: FormFactors,
 
-    /// Who solves for the light of all bounces; the result is the same within the error bound. direct takes at most 4096
-    /// receivers, with the backs that rays meet; conjugate-gradient refuses --receivers auto; with --bounces there is
-    /// nothing to solve
+    /// Who solves for the light of all bounces; the result is the same within the error bound. direct refuses more than 4096
+    /// receivers, with the backs that rays meet; conjugate-gradient refuses --receivers auto: it has no symmetric form. With
+    /// --bounces there is nothing to solve
     #[arg(long, value_name = "NAME", help_heading = "Method", default_value = Solver::default().name(),
           value_parser = named(Solver::ALL, Solver::name))]
     pub solver: Solver,
