@@ -110,8 +110,10 @@ impl<'s> Ground<'s> {
         plan::refuse(scene, options, Some(&atlas))?;
         let world = World::new(scene);
         plan::refuse_flat(&world)?;
+        observer.begin("coverage", 0);
         let coverage = clock.time("coverage", || Coverage::new(&world, &atlas));
         plan::announce(scene, &atlas, &coverage, options, observer)?;
+        observer.begin("trace", 0);
         let tracer = clock.time("trace", || Tracer::new(world));
         let patches = clock.time("patches", || Patches::new(&tracer.world, &coverage, options.max_reflectance));
         Ok(Ground { tracer, atlas, coverage, patches, warnings, clock })
