@@ -113,6 +113,7 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
     let most = most_rays(ground.coverage.texels.len(), options, target.most_rays);
     let mut report = TargetReport { error: target.error, ..TargetReport::default() };
     let lit = loop {
+        observer.attempt(effort.transport.rays);
         let began = Instant::now();
         let lit = ground.light(&effort, observer)?;
         let spent = began.elapsed();

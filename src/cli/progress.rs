@@ -5,7 +5,10 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use luxel::progress::Observer;
 use std::{
     io::IsTerminal,
-    sync::Mutex,
+    sync::{
+        Mutex,
+        atomic::{AtomicU32, Ordering::Relaxed},
+    },
     time::{Duration, Instant},
 };
 
@@ -15,6 +18,8 @@ const PAUSE: Duration = Duration::from_secs(5);
 /// An observer that talks to the user.
 pub struct Progress {
     voice: Voice,
+    /// Rays of the attempt; 0 where there is only one.
+    rays: AtomicU32,
     room: Mutex<Option<Room>>,
 }
 
@@ -26,7 +31,7 @@ enum Voice {
 }
 
 struct Room {
-    name: &'static str,
+    name: String,
     began: Instant,
     said: Instant,
     done: u64,
@@ -42,7 +47,7 @@ impl Progress {
             (false, true) => Voice::Bar,
             (false, false) => Voice::Lines,
         };
-        Progress { voice, room: Mutex::new(None) }
+        Progress { voice, rays: AtomicU32::new(0), room: Mutex::new(None) }
     }
 
     /// The last room is done; the terminal is clean again.
@@ -69,15 +74,24 @@ impl Progress {
 }
 
 impl Observer for Progress {
+    fn attempt(&self, rays: u32) {
+        self.rays.store(rays, Relaxed);
+    }
+
     fn begin(&self, room: &'static str, total: u64) {
         if self.voice == Voice::Quiet {
             return;
         }
-        let bar = (self.voice == Voice::Bar).then(|| bar(room, total));
+        let name = match self.rays.load(Relaxed) {
+            0 => room.to_owned(),
+            rays => format!("{rays} rays: {room}"),
+        };
+        let bar = (self.voice == Voice::Bar).then(|| bar(&name, total));
         let now = Instant::now();
-        self.change(Some(Room { name: room, began: now, said: now, done: 0, total, bar }));
+        let begins = format!("{name} ...");
+        self.change(Some(Room { name, began: now, said: now, done: 0, total, bar }));
         if self.voice == Voice::Lines {
-            console::note(&format!("{room} ..."));
+            console::note(&begins);
         }
     }
 
@@ -92,7 +106,7 @@ impl Observer for Progress {
             Some(bar) => bar.inc(units),
             None if room.said.elapsed() >= PAUSE => {
                 room.said = Instant::now();
-                console::note(&line(room.name, room.done, room.total, room.began.elapsed()));
+                console::note(&line(&room.name, room.done, room.total, room.began.elapsed()));
             }
             None => {}
         }
@@ -107,7 +121,7 @@ impl Observer for Progress {
     }
 }
 
-fn bar(room: &'static str, total: u64) -> ProgressBar {
+fn bar(name: &str, total: u64) -> ProgressBar {
     let (length, template) = match total {
         0 => (None, "{msg:<12} {spinner} {elapsed}"),
         n => (Some(n), "{msg:<12} [{bar:32}] {percent:>3} %, {eta} left"),
@@ -115,7 +129,7 @@ fn bar(room: &'static str, total: u64) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(length, ProgressDrawTarget::stderr_with_hz(8));
     let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
     bar.set_style(style.progress_chars("=> "));
-    bar.set_message(room);
+    bar.set_message(name.to_owned());
     bar.enable_steady_tick(Duration::from_millis(250));
     bar
 }
