@@ -32,6 +32,11 @@ pub fn peak_mb() -> u64 {
     high_water_mark().unwrap_or_else(|| resident().unwrap_or(0)).div_ceil(MB)
 }
 
+/// Resident memory (MB) of this process; 0 where the system does not tell.
+pub fn resident_mb() -> u64 {
+    resident().unwrap_or(0).div_ceil(MB)
+}
+
 fn high_water_mark() -> Option<u64> {
     status("VmHWM:")
 }

@@ -4,6 +4,10 @@ use crate::error::{Error, Result};
 
 /// Watches a bake. Called from many threads.
 pub trait Observer: Sync {
+    /// Rooms that begin from here on belong to an attempt with so many rays a texel.
+    fn attempt(&self, rays: u32) {
+        let _ = rays;
+    }
     /// A room begins; it will advance by `total` units in all (0: unknown).
     fn begin(&self, room: &'static str, total: u64) {
         let _ = (room, total);

@@ -39,6 +39,18 @@ fn a_target_that_is_missed_is_an_exit_code_if_it_was_typed() {
     assert!(rays.len() > 1 && rays.is_sorted_by(|a, b| a < b), "{rays:?}");
 }
 
+/// Once as few rays as there are at first, then more.
+#[test]
+fn progress_tells_attempts_apart() {
+    let said = Folder::new().luxel("bake room.gltf --resolution 32 --error .001%");
+    let rays = said.err.lines().filter_map(|line| line.strip_suffix(" rays: transport ...")?.parse().ok());
+    let rays: Vec<u32> = rays.collect();
+    assert!(rays.len() > 1 && rays[0] == 16 && rays.is_sorted_by(|a, b| a < b), "{}", said.err);
+    assert!(said.err.contains("\n16 rays: audit ...\n"), "{}", said.err);
+    let fixed = Folder::new().luxel("bake room.gltf --resolution 32 --rays 4");
+    assert!(fixed.err.contains("\ntransport ...\n"), "{}", fixed.err);
+}
+
 #[test]
 fn two_per_cent_is_what_nobody_has_to_type() {
     let (code, report) = bake(&Folder::new(), "");

@@ -36,7 +36,7 @@ pub(super) fn cut(shapes: &[Shape], file: &Path, observer: &dyn Observer) -> Res
         })
         .collect();
     let atlas =
-        uvunwrap::generate_with_progress(&inputs, &options, |_| !observer.cancelled()).map_err(|e| uncut(e, file))?;
+        uvunwrap::generate_with_progress(&inputs, &options, |_| goes_on(observer)).map_err(|e| uncut(e, file))?;
     let cut = |(shape, mesh): (&Shape, uvunwrap::OutputMesh)| {
         let mut charts: Vec<u32> = mesh.vertices.iter().filter_map(|v| v.chart).collect();
         charts.sort_unstable();
@@ -142,7 +142,7 @@ pub(super) fn pack(items: &[Item], size: Size, observer: &dyn Observer) -> std::
             ..MeshInput::new(&i.cut.positions, &i.cut.indices)
         })
         .collect();
-    let atlas = uvunwrap::generate_with_progress(&inputs, &options, |_| !observer.cancelled()).map_err(failure)?;
+    let atlas = uvunwrap::generate_with_progress(&inputs, &options, |_| goes_on(observer)).map_err(failure)?;
     let page = DVec2::new(atlas.width.into(), atlas.height.into());
     let rectangle = |r: uvunwrap::InstanceRect| {
         let [min, max] = [r.min, r.max].map(|c| DVec2::from(c.map(f64::from)) * page);
@@ -165,6 +165,12 @@ pub(super) fn pack(items: &[Item], size: Size, observer: &dyn Observer) -> std::
         density,
         meshes: items.iter().zip(atlas.meshes).map(mesh).collect(),
     })
+}
+
+/// Tells that some work is done, and whether more is wanted.
+fn goes_on(observer: &dyn Observer) -> bool {
+    observer.advance(1);
+    !observer.cancelled()
 }
 
 /// A positive, finite single.

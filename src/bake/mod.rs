@@ -12,6 +12,7 @@ use crate::{
     direct::{Direct, Sources, sky_cells},
     error::Result,
     lightmaps::{Content, Lightmaps},
+    memory,
     patches::Patches,
     progress::Observer,
     radiosity::{self, Radiosity},
@@ -89,6 +90,8 @@ struct Ground<'s> {
     patches: Patches,
     warnings: Vec<String>,
     clock: Clock,
+    /// Memory (MB) that was taken before rooms took theirs.
+    taken_mb: u64,
 }
 
 /// What does.
@@ -110,11 +113,14 @@ impl<'s> Ground<'s> {
         plan::refuse(scene, options, Some(&atlas))?;
         let world = World::new(scene);
         plan::refuse_flat(&world)?;
+        observer.begin("coverage", 0);
         let coverage = clock.time("coverage", || Coverage::new(&world, &atlas));
-        plan::announce(scene, &atlas, &coverage, options, observer)?;
+        let taken_mb = memory::resident_mb();
+        plan::announce(scene, &atlas, &coverage, options, taken_mb, observer)?;
+        observer.begin("trace", 0);
         let tracer = clock.time("trace", || Tracer::new(world));
         let patches = clock.time("patches", || Patches::new(&tracer.world, &coverage, options.max_reflectance));
-        Ok(Ground { tracer, atlas, coverage, patches, warnings, clock })
+        Ok(Ground { tracer, atlas, coverage, patches, warnings, clock, taken_mb })
     }
 
     fn light(&mut self, options: &Options, observer: &dyn Observer) -> Result<Lit> {

@@ -7,6 +7,7 @@ use crate::{
     lightmaps::jump_across_seams,
     memory::{self, REMEDY},
     progress::Observer,
+    radiosity::Solver,
     report::{FormFactorReport, NodeReport, PageReport, RayReport, ReflectanceReport, Report, SCHEMA, SceneCounts},
     scene::{Primitive, Scene, Texture, World},
     trace::{self, Tracer},
@@ -16,12 +17,17 @@ use std::collections::HashSet;
 
 /// Bytes that a bake needs beside its rows, by texel, by placed triangle and, while trees are built, by stored triangle
 /// (measured).
-const BYTES_A_TEXEL: u64 = 300;
+const BYTES_A_TEXEL: u64 = 340;
 const BYTES_A_TRIANGLE: u64 = 50;
 const BYTES_A_STORED_TRIANGLE: u64 = 300;
 const BYTES_A_PIXEL: u64 = 40;
 /// For a texel that reads receivers.
 const BYTES_OF_WEIGHTS: u64 = 40;
+/// While the lit file is written.
+const BYTES_A_NODE: u64 = 6500;
+/// Of the program itself; for each thread and ray of a row, where neighbours share rays.
+const BYTES_OF_PROGRAM: u64 = 24 << 20;
+const BYTES_OF_POOL: u64 = 20_000;
 
 /// Refuses a scene or an atlas, to be or made, that would not fit before anything large is made of it.
 pub(super) fn refuse(scene: &Scene, options: &Options, atlas: Option<&Atlas>) -> Result<()> {
@@ -57,6 +63,11 @@ fn bytes_a_texel(options: &Options, texels: u64) -> u64 {
         }
 }
 
+fn bytes_of_threads(options: &Options, texels: u64) -> u64 {
+    let rays = if options.transport.shares(texels as usize) { options.transport.rays_of_row() } else { 0 };
+    BYTES_OF_PROGRAM + rayon::current_num_threads() as u64 * rays * BYTES_OF_POOL
+}
+
 fn bytes_of_triangles(scene: &Scene) -> u64 {
     let placed: usize = scene.instances.iter().map(|i| scene.meshes[i.mesh as usize].triangles.len()).sum();
     placed as u64 * BYTES_A_TRIANGLE + trace::stored(scene) as u64 * BYTES_A_STORED_TRIANGLE
@@ -66,41 +77,48 @@ fn pixels(atlas: &Atlas) -> u64 {
     atlas.pages.iter().map(|p| u64::from(p.size.x) * u64::from(p.size.y)).sum()
 }
 
-/// Says what is to come, and refuses what does not fit.
+/// Says what is to come, and refuses what does not fit beside the `taken_mb` of before.
 pub(super) fn announce(
     scene: &Scene,
     atlas: &Atlas,
     coverage: &Coverage,
     options: &Options,
+    taken_mb: u64,
     observer: &dyn Observer,
 ) -> Result<()> {
     let texels = coverage.texels.len() as u64;
     let rays = texels * options.transport.rays_of_row();
-    let entries = options.transport.bytes_of_entries(texels as usize, texels as usize);
-    // Backs double the rows at worst.
-    let sheets = scene.materials.iter().any(|m| m.double_sided);
     let all = options.transport.receivers == Receivers::All;
-    let backs = if sheets && all { entries } else { 0 };
-    let rest = texels * bytes_a_texel(options, texels) + bytes_of_triangles(scene) + pixels(atlas) * BYTES_A_PIXEL;
-    let solving = if options.radiosity.bounces.is_some() { 0 } else { options.radiosity.solver.bytes(texels, entries) };
-    let need_mb = (backs + rest + solving) >> 20;
+    let rest = bytes_of_triangles(scene) + pixels(atlas) * BYTES_A_PIXEL + bytes_of_threads(options, texels);
+    let need = |backs: u64| {
+        let entries = options.transport.bytes_of_entries(texels as usize, texels as usize);
+        let of_backs = backs * BYTES_A_TEXEL + if backs > 0 { entries } else { 0 };
+        let (patches, entries) = (texels + backs, entries + if backs > 0 { entries } else { 0 });
+        // A sum of bounces is a plain iteration.
+        let solver = options.radiosity.bounces.map_or(options.radiosity.solver, |_| Solver::Jacobi);
+        rest + texels * bytes_a_texel(options, texels) + of_backs + solver.bytes(patches, entries)
+    };
     let pages = atlas.pages.iter().filter(|p| !p.hidden).count();
     let free_mb = memory::free_mb();
-    // Textures are there already: what is free is free beside them.
     let textures: u64 = scene.textures.iter().map(|t| Texture::bytes(t.picture().0)).sum();
     options.transport.form_factors.check(texels as usize)?;
     // The solver runs when all rows are there.
     options.radiosity.check(if all { texels as usize } else { 0 }, all)?;
-    let beside = if textures > 0 { format!(", beside {} MB of textures", textures >> 20) } else { String::new() };
+    // Every texel has a back at worst: rays will tell. Nodes are written when the rows are gone.
+    let sheets = scene.materials.iter().any(|m| m.double_sided);
+    let most = need(if sheets && all { texels } else { 0 }).max(scene.instances.len() as u64 * BYTES_A_NODE);
+    let most_mb = (taken_mb + (most >> 20)).max(memory::peak_mb());
+    let taken = if textures > 0 { format!(" ({} MB of textures)", textures >> 20) } else { String::new() };
+    let memory = format!("{taken_mb} MB of them taken{taken}, {free_mb} MB free");
     let size = format!("{texels} texels on {pages} page(s)");
     let effort = match options.transport.receivers {
         Receivers::All => {
-            format!("{rays} rays{}, up to {need_mb} MB", unshared(&options.transport, coverage.texels.len()))
+            format!("{rays} rays{}, up to {most_mb} MB", unshared(&options.transport, coverage.texels.len()))
         }
-        Receivers::Auto => format!("up to {rays} rays, {need_mb} MB and the receivers' rows"),
+        Receivers::Auto => format!("up to {rays} rays, {most_mb} MB and the receivers' rows"),
     };
-    observer.plan(&format!("{size}, {effort} of {free_mb} MB free{beside}"));
-    memory::fits(need_mb, free_mb, REMEDY)
+    observer.plan(&format!("{size}, {effort}, {memory}"));
+    memory::fits(need(0) >> 20, free_mb, REMEDY)
 }
 
 /// What to know of rays that neighbours were to share, if they are too many for it: fewer would err less.

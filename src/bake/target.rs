@@ -113,6 +113,7 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
     let most = most_rays(ground.coverage.texels.len(), options, target.most_rays);
     let mut report = TargetReport { error: target.error, ..TargetReport::default() };
     let lit = loop {
+        observer.attempt(effort.transport.rays);
         let began = Instant::now();
         let lit = ground.light(&effort, observer)?;
         let spent = began.elapsed();
@@ -142,7 +143,7 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
         // Squares of adaptive receivers halve where rays grow fourfold, if not more.
         let receivers = (4 * lit.transport.receivers.len()).min(ground.coverage.texels.len());
         let rows = memory::fits(more.transport.bytes_of_rows(receivers) >> 20, memory::free_mb(), "");
-        match plan::announce(scene, &ground.atlas, &ground.coverage, &more, observer).and(rows) {
+        match plan::announce(scene, &ground.atlas, &ground.coverage, &more, ground.taken_mb, observer).and(rows) {
             Err(Error::Memory { .. }) => break lit,
             other => other?,
         }

@@ -14,7 +14,7 @@ use luxel::{
     audit::Audit,
     bake::{self, Baked, Options, Quality, Target},
     error::{Error, Result},
-    gltf, memory, preview, progress, radiosity,
+    gltf, memory, preview, radiosity,
     report::{LightReport, Report, TargetReport},
     scene::{Camera, Scene},
     transport::{self, FormFactors},
@@ -183,7 +183,7 @@ struct Written<'a> {
     extras: Vec<Extra<'a>>,
 }
 
-/// Pictures are painted first, so that one can still stop; then everything is written.
+/// Pictures are painted first, while one can still stop; then everything is written.
 fn write<'a>(
     args: &args::Bake,
     document: &gltf::Document,
@@ -194,8 +194,7 @@ fn write<'a>(
 ) -> Result<Written<'a>> {
     let picture = outputs.preview.as_deref().map(|file| (file, pictures::preview(scene, baked, camera)));
     let flat = outputs.flat.as_deref().map(|file| (file, preview::flat(baked)));
-    progress::check(&Progress::new(true))?;
-    signals::begin_writing();
+    let _writing = signals::writing();
     let Baked { atlas, lightmaps, report, .. } = baked;
     let (float, sidecar, strip_lights) = (args.float, args.sidecar, args.strip_lights);
     let writing = gltf::WriteOptions { float, sidecar, strip_lights };

@@ -14,7 +14,7 @@ use luxel::{
     bake,
     chart::{self, Chart, Clock, Given, Peers, Sweep, draw},
     error::{Error, Result},
-    files, gltf, progress,
+    files, gltf,
     scene::World,
 };
 use std::{fmt::Write, path::Path, process::ExitCode};
@@ -41,9 +41,9 @@ pub fn run(args: &args::Chart) -> Result<ExitCode> {
     let chart = Chart { peers, ..chart? };
     missing(&chart).iter().for_each(|text| console::warning(text));
     let files = drawn(&chart)?;
-    progress::check(&observer)?;
-    signals::begin_writing();
+    let writing = signals::writing();
     folder.write(&files)?;
+    drop(writing);
     console::print(&summary(&chart, &folder.path, &files))?;
     Ok(ExitCode::SUCCESS)
 }

@@ -1,5 +1,6 @@
 //! Lines for the user. A closed pipe ends the talk, never the program.
 
+use super::signals;
 use luxel::{
     error::{Error, Result},
     files,
@@ -37,6 +38,7 @@ pub fn tell(told: &impl Serialize, file: Option<&Path>, on_stdout: bool, text: i
     };
     if let Some(file) = file {
         let json = json()?;
+        let _writing = signals::writing();
         files::write_whole(file, |out| out.write_all(json.as_bytes()))?;
     }
     let text = if on_stdout { json()? } else { text() };

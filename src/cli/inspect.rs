@@ -30,7 +30,7 @@ const BARE: Vec3 = Vec3::splat(0.01);
 
 /// Inspects as the options say.
 pub fn run(args: &args::Inspect) -> Result<ExitCode> {
-    signals::listen_once();
+    signals::listen();
     start_threads(args.threads)?;
     let folder = Folder::check(&args.output, "page0.png")?;
     let mut said = Warnings::default();
@@ -68,8 +68,9 @@ pub fn run(args: &args::Inspect) -> Result<ExitCode> {
         files.push((name.clone(), pictures::encode(&picture, Path::new(&name))?));
         told.push((layer.name(), painted.legend));
     }
-    signals::begin_writing();
+    let writing = signals::writing();
     folder.write(&files)?;
+    drop(writing);
     if !args.quiet {
         console::print(&summary::lines(&told))?;
     }

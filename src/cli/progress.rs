@@ -1,11 +1,14 @@
 //! Where the bake is: a bar on a terminal, sparse lines elsewhere, nothing with `--quiet`.
 
-use super::{console, signals};
+use super::console;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use luxel::progress::Observer;
 use std::{
     io::IsTerminal,
-    sync::Mutex,
+    sync::{
+        Mutex,
+        atomic::{AtomicU32, Ordering::Relaxed},
+    },
     time::{Duration, Instant},
 };
 
@@ -15,6 +18,8 @@ const PAUSE: Duration = Duration::from_secs(5);
 /// An observer that talks to the user.
 pub struct Progress {
     voice: Voice,
+    /// Rays of the attempt; 0 where there is only one.
+    rays: AtomicU32,
     room: Mutex<Option<Room>>,
 }
 
@@ -26,7 +31,7 @@ enum Voice {
 }
 
 struct Room {
-    name: &'static str,
+    name: String,
     began: Instant,
     said: Instant,
     done: u64,
@@ -35,14 +40,14 @@ struct Room {
 }
 
 impl Progress {
-    /// `quiet`: says nothing, but still listens for Ctrl-C.
+    /// `quiet`: says nothing.
     pub fn new(quiet: bool) -> Self {
         let voice = match (quiet, std::io::stderr().is_terminal()) {
             (true, _) => Voice::Quiet,
             (false, true) => Voice::Bar,
             (false, false) => Voice::Lines,
         };
-        Progress { voice, room: Mutex::new(None) }
+        Progress { voice, rays: AtomicU32::new(0), room: Mutex::new(None) }
     }
 
     /// The last room is done; the terminal is clean again.
@@ -69,15 +74,24 @@ impl Progress {
 }
 
 impl Observer for Progress {
+    fn attempt(&self, rays: u32) {
+        self.rays.store(rays, Relaxed);
+    }
+
     fn begin(&self, room: &'static str, total: u64) {
         if self.voice == Voice::Quiet {
             return;
         }
-        let bar = (self.voice == Voice::Bar).then(|| bar(room, total));
+        let name = match self.rays.load(Relaxed) {
+            0 => room.to_owned(),
+            rays => format!("{rays} rays: {room}"),
+        };
+        let bar = (self.voice == Voice::Bar).then(|| bar(&name, total));
         let now = Instant::now();
-        self.change(Some(Room { name: room, began: now, said: now, done: 0, total, bar }));
+        let begins = format!("{name} ...");
+        self.change(Some(Room { name, began: now, said: now, done: 0, total, bar }));
         if self.voice == Voice::Lines {
-            console::note(&format!("{room} ..."));
+            console::note(&begins);
         }
     }
 
@@ -92,7 +106,7 @@ impl Observer for Progress {
             Some(bar) => bar.inc(units),
             None if room.said.elapsed() >= PAUSE => {
                 room.said = Instant::now();
-                console::note(&line(room.name, room.done, room.total, room.began.elapsed()));
+                console::note(&line(&room.name, room.done, room.total, room.began.elapsed()));
             }
             None => {}
         }
@@ -105,13 +119,9 @@ impl Observer for Progress {
             None => {}
         }
     }
-
-    fn cancelled(&self) -> bool {
-        signals::stopped()
-    }
 }
 
-fn bar(room: &'static str, total: u64) -> ProgressBar {
+fn bar(name: &str, total: u64) -> ProgressBar {
     let (length, template) = match total {
         0 => (None, "{msg:<12} {spinner} {elapsed}"),
         n => (Some(n), "{msg:<12} [{bar:32}] {percent:>3} %, {eta} left"),
@@ -119,7 +129,7 @@ fn bar(room: &'static str, total: u64) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(length, ProgressDrawTarget::stderr_with_hz(8));
     let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
     bar.set_style(style.progress_chars("=> "));
-    bar.set_message(room);
+    bar.set_message(name.to_owned());
     bar.enable_steady_tick(Duration::from_millis(250));
     bar
 }
@@ -146,11 +156,11 @@ mod tests {
     }
 
     #[test]
-    fn quiet_is_quiet_and_never_cancelled_by_itself() {
+    fn quiet_is_quiet() {
         let progress = Progress::new(true);
         progress.begin("atlas", 3);
         progress.advance(3);
         progress.finish();
-        assert!(!progress.cancelled());
+        assert!(progress.lock().is_none());
     }
 }

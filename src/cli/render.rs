@@ -19,7 +19,7 @@ use std::process::ExitCode;
 
 /// Renders as the options say.
 pub fn run(args: &args::Render) -> Result<ExitCode> {
-    signals::listen_once();
+    signals::listen();
     start_threads(args.threads)?;
     let file = &args.output;
     if files::place(file)? == files::place(&args.baked.input)? {
@@ -38,8 +38,9 @@ pub fn run(args: &args::Render) -> Result<ExitCode> {
     pictures::fits(args.size, file)?;
     let mut view = render::of_file(&tracer, &coverage, &lightmaps, args.paths);
     let picture = pictures::paint(&scene, &mut view, camera, args.size, args.samples);
-    signals::begin_writing();
+    let writing = signals::writing();
     pictures::write(&picture, file)?;
+    drop(writing);
     if !args.quiet {
         console::print(&summary::picture(file, picture.exposure))?;
     }

@@ -270,6 +270,37 @@ fn what_cannot_fit_is_refused_before_charts_are_made() {
 }
 
 #[test]
+fn more_nodes_than_pages_have_room_for_are_refused() {
+    // 144 to a page of 64 x 64: 278 pages.
+    let scene = scene(vec![square("mesh \"Leaf\"", [0.0; 2], [1.0; 2])], &vec![(0, DVec3::ONE); 40_000]);
+    for (density, named) in [(Density::Resolution(64), "--resolution"), (Density::TexelsPerMeter(0.5), "--page-size")] {
+        let options = Options { density, page_size: 64, ..Options::default() };
+        let error = unwrapped(&scene, &options).unwrap_err();
+        let said = error.to_string();
+        assert!(said.contains("40000 nodes, 5 x 5 texels each at least, need 278 pages"), "{said}");
+        assert!(error.exit_code() == 2 && said.contains(&format!("\n  raise {named} to 128, or ")), "{said}");
+    }
+}
+
+/// Rooms that begin, in their order.
+#[derive(Default)]
+struct Rooms(std::sync::Mutex<Vec<&'static str>>);
+
+impl Observer for Rooms {
+    fn begin(&self, room: &'static str, _total: u64) {
+        self.0.lock().unwrap().push(room);
+    }
+}
+
+#[test]
+fn charts_and_packing_say_that_they_begin() {
+    let rooms = Rooms::default();
+    let scene = scene(vec![cube()], &[(0, DVec3::ONE)]);
+    luxel::atlas::unwrap(&scene, &Options::default(), Path::new("x"), &rooms, &mut Vec::new()).unwrap();
+    assert_eq!(*rooms.0.lock().unwrap(), ["atlas: charts", "atlas: packing"]);
+}
+
+#[test]
 fn senseless_sizes_are_refused() {
     let scene = scene(vec![cube()], &[(0, DVec3::ONE)]);
     for density in [Density::Resolution(0), Density::TexelsPerMeter(0.0), Density::TexelsPerMeter(f64::NAN)] {

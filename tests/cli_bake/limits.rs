@@ -125,12 +125,33 @@ fn pictures_that_do_not_fit_into_memory_are_refused_with_a_remedy() {
     assert_eq!(folder.files(), ["a.png", "odd.gltf", "room.gltf"]);
 }
 
+/// What is announced is what is taken, or more, but not twice as much.
+#[cfg(target_os = "linux")]
+#[test]
+fn the_announcement_bounds_memory() {
+    let folder = Folder::new();
+    odd(&folder, |json| json["materials"][0]["doubleSided"] = true.into());
+    for options in [
+        "room.gltf --resolution 512 --rays 16",
+        "room.gltf --resolution 256 --rays 256 --solver jacobi",
+        "room.gltf --resolution 512 --rays 64 --bounces 2",
+        "odd.gltf --resolution 512 --rays 16",
+    ] {
+        let said = folder.luxel(&format!("bake {options} --threads 2 --report r.json"));
+        let told = said.err.split(" rays, up to ").nth(1).and_then(|rest| rest.split(' ').next()).unwrap();
+        let told: u64 = told.parse().unwrap();
+        let report: Value = serde_json::from_slice(&std::fs::read(folder.path("r.json")).unwrap()).unwrap();
+        let taken = report["peak_memory_mb"].as_u64().unwrap();
+        assert!(taken <= told && told < 2 * taken, "{options}: {told} MB told, {taken} MB taken");
+    }
+}
+
 #[test]
 fn the_announcement_counts_pictures() {
     let folder = Folder::new();
     pictured(&folder, 2, 1024);
     let said = folder.luxel(&format!("bake odd.gltf {QUICK}"));
-    assert!(said.code == 0 && said.err.contains(", beside 10 MB of textures\n"), "{}", said.err);
+    assert!(said.code == 0 && said.err.contains(" MB of them taken (10 MB of textures), "), "{}", said.err);
 }
 
 #[test]

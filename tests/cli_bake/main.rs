@@ -4,6 +4,8 @@ mod limits;
 mod methods;
 mod odd;
 mod refusals;
+#[cfg(unix)]
+mod signals;
 
 #[path = "../program/mod.rs"]
 mod program;
@@ -92,19 +94,6 @@ fn a_closed_pipe_does_not_spoil_a_bake() {
     drop((child.stdout.take(), child.stderr.take()));
     assert_eq!(child.wait().unwrap().code(), Some(0));
     assert!(folder.path("a.glb").is_file());
-}
-
-#[cfg(unix)]
-#[test]
-fn an_interrupted_bake_writes_nothing() {
-    let folder = Folder::new();
-    let mut command = folder.command("bake room.gltf --resolution 256 --rays 4096");
-    let mut child = command.stderr(std::process::Stdio::piped()).spawn().unwrap();
-    let mut lines = std::io::BufRead::lines(std::io::BufReader::new(child.stderr.take().unwrap()));
-    assert!(lines.any(|line| line.unwrap().starts_with("transport")));
-    std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    assert_eq!(child.wait().unwrap().code(), Some(130));
-    assert_eq!(folder.files(), ["room.gltf"]);
 }
 
 /// Writes the room as `odd.gltf`, changed by `edit`.

@@ -6,7 +6,7 @@
 mod pages;
 
 use super::{
-    Atlas, Density, Layout, Options, PAGE_EDGES, Page, Placement,
+    Atlas, Density, Layout, Options, PADDING, PAGE_EDGES, Page, Placement,
     place::{self, Demand, HIDDEN_DENSITY, Instances, Role},
     shape::{self, Cut, Shape},
     uvunwrap::{self, Failure, Item, Packed, Rectangle, Size},
@@ -51,6 +51,7 @@ pub(super) fn unwrap(
     }
     let shapes: Vec<Shape> =
         users.par_iter().map(|u| Shape::new(scene, u.mesh, &scene.instances[u.reference])).collect();
+    observer.begin("atlas: charts", 0);
     let cuts = cutter(&shapes, file, observer)?;
     for (u, _) in users.iter_mut().zip(&cuts).filter(|(_, cut)| cut.charts == 0) {
         // The packer expects that a rectangle has something in it.
@@ -62,15 +63,42 @@ pub(super) fn unwrap(
         placements: vec![None; scene.instances.len()],
         ..Atlas::default()
     };
+    refuse_many(users.iter().map(|u| u.mapped.len()).sum(), options)?;
     let units = vec![Unit::default(); users.len()];
     let (users, shapes, cuts) = (&users[..], &shapes[..], &cuts[..]);
     let mut room = Room { scene, instances, options, users, shapes, cuts, file, observer, warnings, atlas, units };
+    observer.begin("atlas: packing", 0);
     let density = match options.density {
         Density::Resolution(edge) => room.one_page(edge)?,
         Density::TexelsPerMeter(t) => room.pages(t)?,
     };
     room.hidden(density * HIDDEN_DENSITY)?;
     Ok(room.atlas)
+}
+
+/// Pages that the least rectangles may take: the time to pack them grows with their number times the pages'.
+const MOST_PAGES: u64 = 256;
+
+/// Refuses so many mapped `nodes` that their least rectangles, one texel and its padding each, need too many pages.
+fn refuse_many(nodes: usize, options: &Options) -> Result<()> {
+    const LEAST: u32 = 1 + 2 * PADDING;
+    let (edge, option) = match options.density {
+        Density::Resolution(edge) => (edge, "--resolution"),
+        Density::TexelsPerMeter(_) => (options.page_size, "--page-size"),
+    };
+    let nodes = nodes as u64;
+    let pages = |edge: u32| nodes.div_ceil(u64::from(edge / LEAST).pow(2));
+    if pages(edge) <= MOST_PAGES {
+        return Ok(());
+    }
+    let enough = std::iter::successors(Some(edge), |e| e.checked_mul(2)).find(|e| pages(*e) <= MOST_PAGES);
+    let raise =
+        enough.filter(|e| PAGE_EDGES.contains(e)).map_or(String::new(), |e| format!("raise {option} to {e}, or "));
+    Err(Error::Usage(format!(
+        "{option} {edge}: {nodes} nodes, {LEAST} x {LEAST} texels each at least, need {} pages, more than {MOST_PAGES}\n  \
+         {raise}leave nodes out (--exclude), or join them into fewer",
+        pages(edge)
+    )))
 }
 
 /// A mesh's instances.
@@ -206,7 +234,7 @@ impl Room<'_> {
             let item = |j: usize| {
                 let u = &self.users[j];
                 let factors: Vec<f64> = u.mapped.iter().map(|&i| self.factor(trial, i, j)).collect();
-                if trial.direct && u.mapped.len() + u.hidden.len() == 1 {
+                if trial.direct && lies_alone(u) {
                     return self.item(j, factors[0], vec![]);
                 }
                 self.item(j, 1.0, within(&factors, ratio))
@@ -246,6 +274,11 @@ impl Room<'_> {
         let m = self.users[j].mesh;
         self.atlas.layouts[m] = shape::layout(&self.scene.meshes[m], &mesh.flat, &mesh.indices, scale);
     }
+}
+
+/// True for a mesh used once, which may lie on the page directly.
+fn lies_alone(users: &Users) -> bool {
+    users.mapped.len() == 1 && users.hidden.is_empty()
 }
 
 /// True if instances of a mesh differ in size.

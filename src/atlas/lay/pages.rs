@@ -6,7 +6,7 @@ use super::{
         place::{self, Demand},
         uvunwrap::{self, Failure, Packed, Size},
     },
-    LARGEST_RATIO, Room, Trial, whole, within,
+    LARGEST_RATIO, Room, Trial, lies_alone, whole, within,
 };
 use crate::error::Result;
 use glam::UVec2;
@@ -72,7 +72,7 @@ impl Room<'_> {
                 }
             }
         }
-        if packed.pages > 1 {
+        if packed.pages > 1 && self.users.iter().any(lies_alone) {
             packed = self.pack(&Trial { size, general, lower: &[], direct: false })?;
         }
         let full = f64::from(edge).powi(2) / mapped.iter().map(|&i| area(i)).sum::<f64>();

@@ -1,0 +1,65 @@
+//! Ctrl-C: exit code 130, and no half a file.
+
+use super::*;
+use std::{
+    io::{BufRead, BufReader},
+    process::{Child, Command, Stdio},
+    thread,
+    time::Duration,
+};
+
+#[test]
+fn an_interrupted_bake_writes_nothing() {
+    let folder = Folder::new();
+    let mut command = folder.command("bake room.gltf --resolution 256 --rays 4096");
+    let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    assert!(lines.any(|line| line.unwrap().starts_with("transport")));
+    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert_eq!(folder.files(), ["room.gltf"]);
+}
+
+/// Sends Ctrl-C until it ends; its exit code, none if it does not.
+fn interrupt(child: &mut Child) -> Option<i32> {
+    for _ in 0..300 {
+        Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        thread::sleep(Duration::from_millis(100));
+        if let Some(status) = child.try_wait().unwrap() {
+            return status.code();
+        }
+    }
+    child.kill().unwrap();
+    child.wait().unwrap().code()
+}
+
+#[test]
+fn one_signal_ends_a_dense_solve() {
+    let folder = Folder::new();
+    let mut command = folder.command("bake room.gltf --resolution 64 --rays 16 --solver direct --threads 1");
+    let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    assert!(lines.any(|line| line.unwrap().starts_with("radiosity")));
+    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(lines.any(|line| line.unwrap() == "interrupted"), "it was asked once only");
+    assert_eq!((child.wait().unwrap().code(), folder.files()), (Some(130), vec!["room.gltf".into()]));
+}
+
+/// The reader of the report does not read it.
+#[test]
+fn signals_count_again_when_all_is_written() {
+    let folder = Folder::new();
+    odd(&folder, |json| {
+        for i in 3..1003 {
+            json["nodes"].as_array_mut().unwrap().push(json!({ "mesh": 1, "name": format!("Lamp {i}") }));
+            json["scenes"][0]["nodes"].as_array_mut().unwrap().push(i.into());
+        }
+    });
+    let mut command = folder.command("bake odd.gltf -o a.glb --resolution 512 --rays 1 --quiet --report -");
+    let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+    while !folder.path("a.glb").exists() {
+        assert!(child.try_wait().unwrap().is_none());
+        thread::sleep(Duration::from_millis(10));
+    }
+    assert_eq!(interrupt(&mut child), Some(130));
+}
