@@ -2,12 +2,14 @@
 //!
 //! Neighbours on one smooth surface see nearly the same. Those of a small square of the page, and a margin around it, put
 //! their rays into one [`Pool`], which weighs every ray for each of them. What stands between two texels parts them into
-//! pools of their own, and so does what the weights say of those who see less than the others.
+//! pools of their own, and so does what the weights say of those who see less than the others. What is still wrong shows in
+//! their own rays, and is put back as far as it is no noise.
 //!
 //! Margins overlap, so most texels have a value of more than one pool. They take the mean, weighed by how far inside each
 //! they lie: an eighth less noise for nothing, and no step where one pool ends.
 
 mod pool;
+mod shrink;
 mod trend;
 
 use crate::{
@@ -107,10 +109,10 @@ impl Gather<'_> {
         };
         while let Some(&leader) = left.iter().find(|r| inner.contains(r)) {
             let members = self.around(leader, &left, stride);
-            let values = Pool::new(self, &members).shared(level);
-            let done = members.into_iter().zip(values).filter_map(|(r, value)| Some((r, value?)));
-            let mut done: Vec<(u32, Vec3)> = done.collect();
-            self.straighten(&mut done, own);
+            let pool = Pool::new(self, &members);
+            let of_members = members.into_iter().zip(pool.shared(level)).zip(pool.noise());
+            let sharing = of_members.filter_map(|((r, shared), noise)| Some((r, shared?, noise)));
+            let mut done = self.straightened(&sharing.collect::<Vec<_>>(), own);
             if done.iter().all(|&(r, _)| r != leader) {
                 // Whoever does not share in its own pool keeps to its own rays.
                 done.push((leader, own[leader as usize]));
@@ -132,18 +134,19 @@ impl Gather<'_> {
         from_edge.min((TILE + 2 * MARGIN) as f32 - from_edge).element_product()
     }
 
-    /// Puts back what sharing has blurred.
-    fn straighten(&self, done: &mut [(u32, Vec3)], own: &[Vec3]) {
-        let Some(&(first, _)) = done.first() else { return };
+    /// Receivers, what they share, and the noise of their own; puts back what sharing has blurred.
+    fn straightened(&self, sharing: &[(u32, Vec3, f32)], own: &[Vec3]) -> Vec<(u32, Vec3)> {
+        let Some(&(first, ..)) = sharing.first() else { return Vec::new() };
         let axes = Frame::around(self.transport.eyes[first as usize].normal);
         let at = |r: u32| axes.flat(self.transport.eyes[r as usize].position);
-        let sample = |&(r, shared): &(u32, Vec3)| Sample { at: at(r), own: own[r as usize], shared };
-        let samples: Vec<Sample> = done.iter().map(sample).collect();
+        let sample = |&(r, shared, noise): &(u32, Vec3, f32)| Sample { at: at(r), own: own[r as usize], shared, noise };
+        let mut samples: Vec<Sample> = sharing.iter().map(sample).collect();
         if let Some(trend) = trend::of(&samples) {
-            for ((_, value), s) in done.iter_mut().zip(&samples) {
-                *value = (*value + trend(s.at)).max(Vec3::ZERO);
-            }
+            samples.iter_mut().for_each(|s| s.shared = (s.shared + trend(s.at)).max(Vec3::ZERO));
         }
+        let added = shrink::of(&samples);
+        let value = |((&(r, ..), s), add): ((&(u32, Vec3, f32), &Sample), Vec3)| (r, (s.shared + add).max(Vec3::ZERO));
+        sharing.iter().zip(&samples).zip(added).map(value).collect()
     }
 
     /// Receivers in a rectangle of the page that have rays, at every `step`-th column and row of the page.

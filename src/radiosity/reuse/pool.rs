@@ -12,7 +12,10 @@
 
 use super::Gather;
 use crate::{
-    math::simd::{self, Eight, LANES, Lanes, Level, Task},
+    math::{
+        luminance,
+        simd::{self, Eight, LANES, Lanes, Level, Task},
+    },
     transport::{DARK, Eye},
 };
 use glam::Vec3;
@@ -63,6 +66,23 @@ impl Pool {
             pool.members.push(Member { eye, rays: ends.columns.len() as f32, begin, end: pool.ends.len() });
         }
         pool
+    }
+
+    /// Of each receiver the variance of the luminance that it receives by its own rays.
+    pub fn noise(&self) -> Vec<f32> {
+        let of = |m: &Member| {
+            let (mut sum, mut squares) = (0.0, 0.0);
+            for end in &self.ends[m.begin..m.end] {
+                for lane in 0..LANES {
+                    // Nothing in lanes without a ray.
+                    let light = luminance(Vec3::from(end.radiosity.map(|channel| channel.0[lane])));
+                    sum += light;
+                    squares += light * light;
+                }
+            }
+            (squares - sum * sum / m.rays).max(0.0) / (m.rays * (m.rays - 1.0)).max(1.0)
+        };
+        self.members.iter().map(of).collect()
     }
 
     /// Of each receiver what it receives by the rays of all; `None` if it sees something else.

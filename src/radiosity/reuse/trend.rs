@@ -7,8 +7,8 @@
 use crate::math::luminance;
 use glam::{Mat2, Vec2, Vec3};
 
-/// Receivers that show a trend, at least.
-const ENOUGH: usize = 8;
+/// Receivers that say something of a pool, at least.
+pub(super) const ENOUGH: usize = 8;
 /// What the trend explains, by what it leaves, each a degree of freedom, must be more than chance makes it once in so many
 /// pools (the F-test; with two degrees of freedom its quantiles have a closed form).
 const RARE: f32 = 500.0;
@@ -20,6 +20,8 @@ pub(super) struct Sample {
     /// What its own rays say, and those of all.
     pub own: Vec3,
     pub shared: Vec3,
+    /// Variance of the luminance of its own.
+    pub noise: f32,
 }
 
 /// What to add to the shared value at a place; `None` where chance explains all of it.
@@ -60,7 +62,7 @@ mod tests {
         let sample = |k: u32| {
             let at = Vec2::new((k % 6) as f32, (k / 6) as f32) * 0.1 + Vec2::new(7.0, -3.0);
             let chance = (0..12).map(|i| unit_float(hash(hash(k, seed), i))).sum::<f32>() - 6.0;
-            Sample { at, own: Vec3::splat(1.0 + law(at) + noise * chance), shared: Vec3::ONE }
+            Sample { at, own: Vec3::splat(1.0 + law(at) + noise * chance), shared: Vec3::ONE, noise: 0.0 }
         };
         (0..36).map(sample).collect()
     }
