@@ -7,7 +7,7 @@ use crate::{
     lightmaps::jump_across_seams,
     memory::{self, REMEDY},
     progress::Observer,
-    radiosity::Solver,
+    radiosity::{self, Solver},
     report::{FormFactorReport, NodeReport, PageReport, RayReport, ReflectanceReport, Report, SCHEMA, SceneCounts},
     scene::{Primitive, Scene, Texture, World},
     trace::{self, Tracer},
@@ -25,9 +25,8 @@ const BYTES_A_PIXEL: u64 = 40;
 const BYTES_OF_WEIGHTS: u64 = 40;
 /// While the lit file is written.
 const BYTES_A_NODE: u64 = 6500;
-/// Of the program itself; for each thread and ray of a row, where neighbours share rays.
+/// Of the program itself.
 const BYTES_OF_PROGRAM: u64 = 24 << 20;
-const BYTES_OF_POOL: u64 = 20_000;
 
 /// Refuses a scene or an atlas, to be or made, that would not fit before anything large is made of it.
 pub(super) fn refuse(scene: &Scene, options: &Options, atlas: Option<&Atlas>) -> Result<()> {
@@ -63,9 +62,15 @@ fn bytes_a_texel(options: &Options, texels: u64) -> u64 {
         }
 }
 
-fn bytes_of_threads(options: &Options, texels: u64) -> u64 {
-    let rays = if options.transport.shares(texels as usize) { options.transport.rays_of_row() } else { 0 };
-    BYTES_OF_PROGRAM + rayon::current_num_threads() as u64 * rays * BYTES_OF_POOL
+/// Of the rays that neighbours share, on every thread. Of adaptive receivers nobody knows yet how many there are.
+fn bytes_of_pools(options: &Options, atlas: &Atlas, texels: u64) -> u64 {
+    let shares = match options.transport.receivers {
+        Receivers::All => options.transport.shares(texels as usize),
+        Receivers::Auto => options.transport.shares(1),
+    };
+    let pools: u64 = atlas.pages.iter().map(|p| radiosity::pools(p.size.y)).sum();
+    let at_once = pools.min(rayon::current_num_threads() as u64);
+    if shares { at_once * radiosity::bytes_of_pool(options.transport.rays_of_row()) } else { 0 }
 }
 
 fn bytes_of_triangles(scene: &Scene) -> u64 {
@@ -89,7 +94,8 @@ pub(super) fn announce(
     let texels = coverage.texels.len() as u64;
     let rays = texels * options.transport.rays_of_row();
     let all = options.transport.receivers == Receivers::All;
-    let rest = bytes_of_triangles(scene) + pixels(atlas) * BYTES_A_PIXEL + bytes_of_threads(options, texels);
+    let rest = bytes_of_triangles(scene) + pixels(atlas) * BYTES_A_PIXEL + BYTES_OF_PROGRAM;
+    let rest = rest + bytes_of_pools(options, atlas, texels);
     let need = |backs: u64| {
         let entries = options.transport.bytes_of_entries(texels as usize, texels as usize);
         let of_backs = backs * BYTES_A_TEXEL + if backs > 0 { entries } else { 0 };
@@ -99,7 +105,7 @@ pub(super) fn announce(
         rest + texels * bytes_a_texel(options, texels) + of_backs + solver.bytes(patches, entries)
     };
     let pages = atlas.pages.iter().filter(|p| !p.hidden).count();
-    let free_mb = memory::free_mb();
+    let free_mb = free_beside(taken_mb);
     let textures: u64 = scene.textures.iter().map(|t| Texture::bytes(t.picture().0)).sum();
     options.transport.form_factors.check(texels as usize)?;
     // The solver runs when all rows are there.
@@ -119,6 +125,11 @@ pub(super) fn announce(
     };
     observer.plan(&format!("{size}, {effort}, {memory}"));
     memory::fits(need(0) >> 20, free_mb, REMEDY)
+}
+
+/// Memory (MB) that is free beside the `taken_mb` of before: what an earlier attempt holds is given back.
+pub(super) fn free_beside(taken_mb: u64) -> u64 {
+    memory::free_mb().saturating_add(memory::resident_mb().saturating_sub(taken_mb))
 }
 
 /// What to know of rays that neighbours were to share, if they are too many for it: fewer would err less.

@@ -142,7 +142,7 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
         let more = with_rays(options, next);
         // Squares of adaptive receivers halve where rays grow fourfold, if not more.
         let receivers = (4 * lit.transport.receivers.len()).min(ground.coverage.texels.len());
-        let rows = memory::fits(more.transport.bytes_of_rows(receivers) >> 20, memory::free_mb(), "");
+        let rows = memory::fits(more.transport.bytes_of_rows(receivers) >> 20, plan::free_beside(ground.taken_mb), "");
         match plan::announce(scene, &ground.atlas, &ground.coverage, &more, ground.taken_mb, observer).and(rows) {
             Err(Error::Memory { .. }) => break lit,
             other => other?,

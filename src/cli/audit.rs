@@ -75,5 +75,5 @@ fn spare(report: &Path, input: &Path) -> Result<()> {
     if files::place(report)? == files::place(input)? {
         return Err(Error::Usage(format!("{}: the report would overwrite the baked file", report.display())));
     }
-    files::probe(report)
+    signals::probe(report)
 }

@@ -14,7 +14,7 @@ use luxel::{
     audit::Audit,
     bake::{self, Baked, Options, Quality, Target},
     error::{Error, Result},
-    gltf, memory, preview, radiosity,
+    files, gltf, memory, preview, radiosity,
     report::{LightReport, Report, TargetReport},
     scene::{Camera, Scene},
     transport::{self, FormFactors},
@@ -192,7 +192,11 @@ fn write<'a>(
     camera: Option<Camera>,
     outputs: &'a Outputs,
 ) -> Result<Written<'a>> {
-    let picture = outputs.preview.as_deref().map(|file| (file, pictures::preview(scene, baked, camera)));
+    let preview = |file| {
+        let picture = pictures::preview(scene, baked, camera);
+        pictures::encode(&picture, file).map(|bytes| (file, bytes, picture.exposure))
+    };
+    let picture = outputs.preview.as_deref().map(preview).transpose()?;
     let flat = outputs.flat.as_deref().map(|file| (file, preview::flat(baked)));
     let _writing = signals::writing();
     let Baked { atlas, lightmaps, report, .. } = baked;
@@ -200,9 +204,9 @@ fn write<'a>(
     let writing = gltf::WriteOptions { float, sidecar, strip_lights };
     let mut said = gltf::write(document, scene, atlas, lightmaps, report, &writing, &outputs.scene)?;
     let mut extras = Vec::new();
-    if let Some((file, picture)) = picture {
-        pictures::write(&picture, file)?;
-        extras.push(Extra { name: "preview", file, exposure: picture.exposure });
+    if let Some((file, bytes, exposure)) = picture {
+        files::write_whole(file, |out| out.write_all(&bytes))?;
+        extras.push(Extra { name: "preview", file, exposure });
     }
     if let Some((file, (pages, exposure))) = flat {
         said.notes.extend(gltf::write_flat(document, scene, atlas, &pages, exposure, file)?);

@@ -1,5 +1,6 @@
 //! A folder for a command's files.
 
+use super::signals;
 use luxel::{
     error::{Error, Result},
     files,
@@ -19,7 +20,7 @@ impl Folder {
             return Err(Error::Usage(format!("{}: is not a folder\n  choose another with -o", path.display())));
         }
         let inside = if path.is_dir() { path.join(name) } else { path.to_path_buf() };
-        files::probe(&inside)?;
+        signals::probe(&inside)?;
         Ok(Folder { path: path.into() })
     }
 

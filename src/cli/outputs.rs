@@ -1,9 +1,9 @@
 //! Where results go: names that nobody typed, and mistakes found before anything takes long.
 
-use super::{args::Bake, values::SkyWish};
+use super::{args::Bake, signals, values::SkyWish};
 use luxel::{
     error::{Error, Result},
-    files::{self, has_extension, place},
+    files::{has_extension, place},
     gltf::Document,
 };
 use std::{
@@ -61,7 +61,7 @@ pub fn resolve(options: &Bake) -> Result<Outputs> {
         if path.exists() && !path.is_file() {
             return Err(Error::Usage(format!("{}: is not a file that can be replaced", path.display())));
         }
-        files::probe(path)?;
+        signals::probe(path)?;
         places.push(at);
     }
     Ok(outputs)

@@ -5,7 +5,7 @@ use glam::UVec2;
 use luxel::{
     bake::Baked,
     error::{Error, Result},
-    files::{self, has_extension},
+    files::has_extension,
     lightmaps::Reading,
     memory,
     pixels::{encode_png, exr},
@@ -57,12 +57,6 @@ pub fn plain(cast: &Cast, camera: &Camera) -> Picture {
 /// Width of such a picture over its height.
 pub fn aspect() -> f32 {
     SIZE.x as f32 / SIZE.y as f32
-}
-
-/// Writes a picture, whole or not at all.
-pub fn write(picture: &Picture, file: &Path) -> Result<()> {
-    let bytes = encode(picture, file)?;
-    files::write_whole(file, |out| out.write_all(&bytes))
 }
 
 /// The bytes of a picture of this name: radiance as EXR, what is shown of it as PNG.

@@ -25,7 +25,7 @@ pub fn run(args: &args::Render) -> Result<ExitCode> {
     if files::place(file)? == files::place(&args.baked.input)? {
         return Err(Error::Usage(format!("{}: the picture would overwrite the baked file", file.display())));
     }
-    files::probe(file)?;
+    signals::probe(file)?;
     let mut said = Warnings::default();
     let Opened { scene, atlas, lightmaps, .. } = baked::open(&args.baked, &mut said)?;
     if lightmaps.content == Content::Direct {
@@ -38,8 +38,9 @@ pub fn run(args: &args::Render) -> Result<ExitCode> {
     pictures::fits(args.size, file)?;
     let mut view = render::of_file(&tracer, &coverage, &lightmaps, args.paths);
     let picture = pictures::paint(&scene, &mut view, camera, args.size, args.samples);
+    let bytes = pictures::encode(&picture, file)?;
     let writing = signals::writing();
-    pictures::write(&picture, file)?;
+    files::write_whole(file, |out| out.write_all(&bytes))?;
     drop(writing);
     if !args.quiet {
         console::print(&summary::picture(file, picture.exposure))?;

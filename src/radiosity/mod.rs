@@ -19,6 +19,7 @@ mod solve;
 mod solver;
 mod system;
 
+pub use reuse::{bytes_of_pool, pools};
 pub use solve::TOLERANCE;
 pub use solver::Solver;
 pub use system::{Amplification, System};

@@ -273,12 +273,18 @@ fn what_cannot_fit_is_refused_before_charts_are_made() {
 fn more_nodes_than_pages_have_room_for_are_refused() {
     // 144 to a page of 64 x 64: 278 pages.
     let scene = scene(vec![square("mesh \"Leaf\"", [0.0; 2], [1.0; 2])], &vec![(0, DVec3::ONE); 40_000]);
-    for (density, named) in [(Density::Resolution(64), "--resolution"), (Density::TexelsPerMeter(0.5), "--page-size")] {
-        let options = Options { density, page_size: 64, ..Options::default() };
+    let one_page = Density::Resolution(64);
+    for (density, page_size, named) in [
+        (one_page, 4096, "--resolution"),
+        // Typed alone, it is the page's edge, too.
+        (one_page, 64, "--page-size"),
+        (Density::TexelsPerMeter(0.5), 64, "--page-size"),
+    ] {
+        let options = Options { density, page_size, ..Options::default() };
         let error = unwrapped(&scene, &options).unwrap_err();
         let said = error.to_string();
         assert!(said.contains("40000 nodes, 5 x 5 texels each at least, need 278 pages"), "{said}");
-        assert!(error.exit_code() == 2 && said.contains(&format!("\n  raise {named} to 128, or ")), "{said}");
+        assert!(error.exit_code() == 2 && said.contains(&format!("\n  raise {named} to 128, ")), "{said}");
     }
 }
 

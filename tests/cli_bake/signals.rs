@@ -63,3 +63,24 @@ fn signals_count_again_when_all_is_written() {
     }
     assert_eq!(interrupt(&mut child), Some(130));
 }
+
+/// Signals while files are written go by: all of them are there, and none is a half.
+#[test]
+fn signals_among_the_writing_leave_whole_files() {
+    let folder = Folder::new();
+    let mut command = folder.command("bake room.gltf -o a.glb --flat b.glb --resolution 1024 --rays 1");
+    let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    // Until then names are tried, too, and signals end the program.
+    assert!(lines.any(|line| line.unwrap().starts_with("radiosity")));
+    let begun = |name: &String| name.starts_with(".luxel-");
+    while !folder.path("a.glb").exists() {
+        assert!(child.try_wait().unwrap().is_none());
+        if folder.files().iter().any(begun) {
+            Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        }
+    }
+    // The last of them may count again when all is written.
+    assert!(matches!(child.wait().unwrap().code(), Some(0 | 130)));
+    assert_eq!(folder.files(), ["a.glb", "b.glb", "room.gltf"]);
+}

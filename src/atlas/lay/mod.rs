@@ -83,20 +83,21 @@ const MOST_PAGES: u64 = 256;
 fn refuse_many(nodes: usize, options: &Options) -> Result<()> {
     const LEAST: u32 = 1 + 2 * PADDING;
     let (edge, option) = match options.density {
-        Density::Resolution(edge) => (edge, "--resolution"),
-        Density::TexelsPerMeter(_) => (options.page_size, "--page-size"),
+        Density::Resolution(edge) if edge < options.page_size => (edge, "--resolution"),
+        _ => (options.page_size, "--page-size"),
     };
     let nodes = nodes as u64;
     let pages = |edge: u32| nodes.div_ceil(u64::from(edge / LEAST).pow(2));
     if pages(edge) <= MOST_PAGES {
         return Ok(());
     }
-    let enough = std::iter::successors(Some(edge), |e| e.checked_mul(2)).find(|e| pages(*e) <= MOST_PAGES);
-    let raise =
-        enough.filter(|e| PAGE_EDGES.contains(e)).map_or(String::new(), |e| format!("raise {option} to {e}, or "));
+    let mut enough = edge;
+    while pages(enough) > MOST_PAGES {
+        enough *= 2;
+    }
     Err(Error::Usage(format!(
         "{option} {edge}: {nodes} nodes, {LEAST} x {LEAST} texels each at least, need {} pages, more than {MOST_PAGES}\n  \
-         {raise}leave nodes out (--exclude), or join them into fewer",
+         raise {option} to {enough}, leave nodes out (--exclude), or join them into fewer",
         pages(edge)
     )))
 }

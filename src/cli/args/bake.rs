@@ -22,7 +22,7 @@ Examples:
       as many pages as 32 texels per metre need, under a picture of the sky and a sun
   luxel bake scene.glb --report - --quiet > report.json
 
-What is refused ends with exit code 2 and the reason. No option keeps what texels see of each
+What is refused ends with exit code 2 and the reason (1: too little memory). No option keeps what texels see of each
 other for a bake in another light: that is for the library.
 
 Exit codes: 0 done; 1 failed, or done with warnings under --strict; 2 wrong usage; 3 the input is missing, invalid or
@@ -42,7 +42,7 @@ pub struct Bake {
     pub output: Option<PathBuf>,
 
     /// One page of N x N texels, the density chosen to fill it, 16 to 32768; where it cannot hold all charts, pages are
-    /// added, or made larger for a node that does not fit [default: 1024]
+    /// added, or made larger for a node that does not fit; nodes that would need over 256 are refused [default: 1024]
     #[arg(long, value_name = "N", help_heading = "Size", value_parser = edge(),
           allow_negative_numbers = true)]
     pub resolution: Option<u32>,

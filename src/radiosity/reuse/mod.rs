@@ -15,22 +15,40 @@ mod trend;
 use crate::{
     atlas::{Coverage, NO_TEXEL},
     error::Result,
-    math::{Frame, luminance, simd::Level},
+    math::{
+        Frame, luminance,
+        simd::{LANES, Level},
+    },
     patches::{Patches, continues},
     progress::{Observer, check},
     trace::{NOWHERE, Segment, Tracer},
     transport::Transport,
 };
-use glam::{UVec2, Vec3};
+use glam::{UVec2, Vec2, Vec3};
 use pool::Pool;
 use rayon::prelude::*;
-use trend::Sample;
 
 /// Edge of the squares of texels that share their rays, and how far beyond they look for more.
 const TILE: u32 = 6;
 const MARGIN: u32 = 2;
+/// Edge of both.
+const EDGE: u32 = TILE + 2 * MARGIN;
 /// Height, in texels, above which something that stands between two texels parts them.
 const LIFT: f32 = 0.5;
+
+/// Receivers that say something of a pool, at least.
+const ENOUGH: usize = 8;
+
+/// One receiver of a pool.
+struct Sample {
+    /// Where it lies in the pool's plane.
+    at: Vec2,
+    /// What its own rays say, and those of all.
+    own: Vec3,
+    shared: Vec3,
+    /// Variance of the luminance of its own.
+    noise: f32,
+}
 
 /// What a pool says of one of its receivers.
 struct Found {
@@ -89,22 +107,19 @@ impl Gather<'_> {
     /// New values of the receivers of this stride in the tile that begins at `first`, and in its margin.
     fn tile(&self, page: usize, first: UVec2, stride: u32, own: &[Vec3], level: Level) -> Vec<Found> {
         let end = first + TILE * stride;
-        let mut inner = self.receivers(page, first, end, 1);
+        let mut inner = self.receivers(page, first, end, stride);
         inner.retain(|&r| self.transport.stride(r as usize) == stride);
         if inner.is_empty() {
             return Vec::new();
         }
         let margin = MARGIN * stride;
         let mut left = self.receivers(page, first.saturating_sub(UVec2::splat(margin)), end + margin, stride);
-        if stride > 1 {
-            left.extend(&inner);
-            left.sort_unstable();
-            left.dedup();
-        }
         let mut found = Vec::with_capacity(left.len());
         let mut find = |receiver: u32, irradiance: Vec3| {
             if self.transport.stride(receiver as usize) == stride {
-                found.push(Found { receiver, irradiance, weight: self.depth(receiver, first, stride) });
+                let texel = self.transport.receivers[receiver as usize] as usize;
+                let from_corner = (self.coverage.texels[texel].at + margin - first) / stride;
+                found.push(Found { receiver, irradiance, weight: depth(from_corner) });
             }
         };
         while let Some(&leader) = left.iter().find(|r| inner.contains(r)) {
@@ -123,15 +138,6 @@ impl Gather<'_> {
             }
         }
         found
-    }
-
-    /// How far inside the margin of the tile that begins at `first` a receiver lies, in strides, along one side of the page
-    /// times the other.
-    fn depth(&self, receiver: u32, first: UVec2, stride: u32) -> f32 {
-        let texel = self.transport.receivers[receiver as usize] as usize;
-        let from_corner = self.coverage.texels[texel].at + MARGIN * stride - first;
-        let from_edge = (from_corner.as_vec2() + 0.5) / stride as f32;
-        from_edge.min((TILE + 2 * MARGIN) as f32 - from_edge).element_product()
     }
 
     /// Receivers, what they share, and the noise of their own; puts back what sharing has blurred.
@@ -189,5 +195,37 @@ impl Gather<'_> {
     /// Edge of a receiver's texel, metres.
     fn size(&self, receiver: u32) -> f32 {
         self.patches.area[self.transport.receivers[receiver as usize] as usize].sqrt()
+    }
+}
+
+/// Bytes of one pool, at most, of rows of so many rays: what every receiver makes of every ray, and the rays.
+pub fn bytes_of_pool(rays: u64) -> u64 {
+    let members = u64::from(EDGE * EDGE);
+    members * rays.next_multiple_of(LANES as u64) * (4 * members + 44)
+}
+
+/// Pools that are there at once, at most, on a page of this height.
+pub fn pools(height: u32) -> u64 {
+    u64::from(height.div_ceil(TILE))
+}
+
+/// How far inside its margin a receiver of a tile lies, along one side of the page times the other; `from_corner`: of the
+/// margin, in strides.
+fn depth(from_corner: UVec2) -> f32 {
+    let from_edge = from_corner.as_vec2() + 0.5;
+    from_edge.min(EDGE as f32 - from_edge).element_product()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_middle_counts_most_and_the_edge_a_little() {
+        let at = |x, y| depth(UVec2::new(x, y));
+        for k in 0..EDGE {
+            assert!(at(k, 3) == at(EDGE - 1 - k, 3) && at(k, 3) == at(3, k) && at(k, 0) > 0.0);
+        }
+        assert!(at(1, 5) > at(0, 5) && at(5, 5) > at(3, 3) && at(EDGE - 1, EDGE - 1) == 0.25);
     }
 }

@@ -56,7 +56,9 @@ const ZERO: Eight = Eight([0.0; LANES]);
 impl Pool {
     /// Collects the rays of `receivers`.
     pub fn new(gather: &Gather, receivers: &[u32]) -> Self {
-        let mut pool = Pool { members: Vec::with_capacity(receivers.len()), ends: Vec::new() };
+        let eights = |&r: &u32| gather.transport.rows.ends(r as usize).columns.len().div_ceil(LANES);
+        let ends = Vec::with_capacity(receivers.iter().map(eights).sum());
+        let mut pool = Pool { members: Vec::with_capacity(receivers.len()), ends };
         for &receiver in receivers {
             let eye = gather.transport.eyes[receiver as usize];
             let ends = gather.transport.rows.ends(receiver as usize);
@@ -68,9 +70,12 @@ impl Pool {
         pool
     }
 
-    /// Of each receiver the variance of the luminance that it receives by its own rays.
+    /// Of each receiver the variance of the luminance that it receives by its own rays; infinite by one, which does not tell.
     pub fn noise(&self) -> Vec<f32> {
         let of = |m: &Member| {
+            if m.rays < 2.0 {
+                return f32::INFINITY;
+            }
             let (mut sum, mut squares) = (0.0, 0.0);
             for end in &self.ends[m.begin..m.end] {
                 for lane in 0..LANES {
@@ -80,7 +85,7 @@ impl Pool {
                     squares += light * light;
                 }
             }
-            (squares - sum * sum / m.rays).max(0.0) / (m.rays * (m.rays - 1.0)).max(1.0)
+            (squares - sum * sum / m.rays).max(0.0) / (m.rays * (m.rays - 1.0))
         };
         self.members.iter().map(of).collect()
     }

@@ -4,7 +4,7 @@
 //! something else. Their difference is shrunk by the share of it that noise explains: James and Stein, "Estimation with
 //! Quadratic Loss" (1961), the positive part, for all of a pool; for one texel, where noise hardly ever is so large.
 
-use super::trend::{ENOUGH, Sample};
+use super::{ENOUGH, Sample};
 use crate::math::luminance;
 use glam::Vec3;
 
@@ -39,7 +39,8 @@ mod tests {
     fn samples(law: impl Fn(u32) -> f32, noise: f32, seed: u32) -> Vec<Sample> {
         let sample = |k: u32| {
             let chance = (0..12).map(|i| unit_float(hash(hash(k, seed), i))).sum::<f32>() - 6.0;
-            let own = Vec3::splat(law(k) + noise.sqrt() * chance);
+            let spread = if noise.is_finite() { noise.sqrt() } else { 0.0 };
+            let own = Vec3::splat(law(k) + spread * chance);
             Sample { at: Vec2::ZERO, own, shared: Vec3::ONE, noise }
         };
         (0..100).map(sample).collect()
@@ -59,7 +60,7 @@ mod tests {
 
     #[test]
     fn neighbours_who_see_something_else_are_not_believed() {
-        let law = |k: u32| if k % 2 == 0 { 0.5 } else { 1.5 };
+        let law = |k: u32| if k.is_multiple_of(2) { 0.5 } else { 1.5 };
         assert!(error(law, 0.01, 1) < 0.02, "{}", error(law, 0.01, 1));
     }
 
@@ -76,5 +77,11 @@ mod tests {
         let mut some = samples(|_| 1.0, 0.5, 1);
         (some[7].own, some[7].noise) = (Vec3::ZERO, 0.0);
         assert!(of(&some)[7].x.abs() < 0.2, "{}", of(&some)[7]);
+    }
+
+    /// One ray does not tell how noisy it is.
+    #[test]
+    fn unknown_noise_explains_everything() {
+        assert!(of(&samples(|k| k as f32, f32::INFINITY, 1)).iter().all(|add| *add == Vec3::ZERO));
     }
 }

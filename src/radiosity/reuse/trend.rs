@@ -4,25 +4,13 @@
 //! degrees, the sky behind a window's frame, that flattens the light across the pool. Their own rays tell so: noisy one by
 //! one, but on a straight line all together.
 
+use super::{ENOUGH, Sample};
 use crate::math::luminance;
 use glam::{Mat2, Vec2, Vec3};
 
-/// Receivers that say something of a pool, at least.
-pub(super) const ENOUGH: usize = 8;
 /// What the trend explains, by what it leaves, each a degree of freedom, must be more than chance makes it once in so many
 /// pools (the F-test; with two degrees of freedom its quantiles have a closed form).
 const RARE: f32 = 500.0;
-
-/// One receiver of a pool.
-pub(super) struct Sample {
-    /// Where it lies in the pool's plane.
-    pub at: Vec2,
-    /// What its own rays say, and those of all.
-    pub own: Vec3,
-    pub shared: Vec3,
-    /// Variance of the luminance of its own.
-    pub noise: f32,
-}
 
 /// What to add to the shared value at a place; `None` where chance explains all of it.
 pub(super) fn of(samples: &[Sample]) -> Option<impl Fn(Vec2) -> Vec3 + use<>> {
