@@ -75,6 +75,19 @@ fn rays_used_again_stand_for_many() {
     }
 }
 
+/// One ray does not tell how noisy it is: that must not be taken for certainty.
+#[test]
+fn one_ray_is_shared() {
+    let (scene, truth) = read("cornell");
+    let [again, once] = [true, false].map(|reuse| {
+        let transport = transport::Options { reuse, ..transport::Options::of(1) };
+        let baked = bake_with(&scene, &truth, Unwrap::Keep, bake::Options { transport, ..bake::Options::default() });
+        Metrics::new(&truth, &score::texels(&baked.lightmaps, &truth))
+    });
+    println!("{again}, used once {once}");
+    assert!(again.rrmse < 0.25 * once.rrmse && again.dark < 0.25 * once.dark && again.border < 0.25 * once.border);
+}
+
 /// Squares of 6 x 6 texels share their rays; from one to the next the light must not change more than within one.
 #[test]
 fn rays_used_again_leave_no_steps() {

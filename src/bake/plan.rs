@@ -94,15 +94,13 @@ pub(super) fn announce(
     let texels = coverage.texels.len() as u64;
     let rays = texels * options.transport.rays_of_row();
     let all = options.transport.receivers == Receivers::All;
-    let rest = bytes_of_triangles(scene) + pixels(atlas) * BYTES_A_PIXEL + BYTES_OF_PROGRAM;
-    let rest = rest + bytes_of_pools(options, atlas, texels);
+    let of_scene = bytes_of_triangles(scene) + pixels(atlas) * BYTES_A_PIXEL + BYTES_OF_PROGRAM;
+    let rest = of_scene + bytes_of_pools(options, atlas, texels) + texels * bytes_a_texel(options, texels);
+    let entries = |rows: u64| options.transport.bytes_of_entries(rows as usize, texels as usize);
+    // A sum of bounces is a plain iteration.
+    let solver = options.radiosity.bounces.map_or(options.radiosity.solver, |_| Solver::Jacobi);
     let need = |backs: u64| {
-        let entries = options.transport.bytes_of_entries(texels as usize, texels as usize);
-        let of_backs = backs * BYTES_A_TEXEL + if backs > 0 { entries } else { 0 };
-        let (patches, entries) = (texels + backs, entries + if backs > 0 { entries } else { 0 });
-        // A sum of bounces is a plain iteration.
-        let solver = options.radiosity.bounces.map_or(options.radiosity.solver, |_| Solver::Jacobi);
-        rest + texels * bytes_a_texel(options, texels) + of_backs + solver.bytes(patches, entries)
+        rest + backs * BYTES_A_TEXEL + entries(backs) + solver.bytes(texels + backs, entries(texels + backs))
     };
     let pages = atlas.pages.iter().filter(|p| !p.hidden).count();
     let free_mb = free_beside(taken_mb);

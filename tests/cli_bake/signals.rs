@@ -8,14 +8,24 @@ use std::{
     time::Duration,
 };
 
+/// Starts a bake and waits for the room of this name; what is said further.
+fn begun(folder: &Folder, options: &str, room: &str) -> (Child, impl Iterator<Item = String>) {
+    let mut child = folder.command(options).stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
+    assert!(lines.any(|line| line.starts_with(room)));
+    (child, lines)
+}
+
+/// Ctrl-C.
+fn signal(child: &Child) {
+    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+}
+
 #[test]
 fn an_interrupted_bake_writes_nothing() {
     let folder = Folder::new();
-    let mut command = folder.command("bake room.gltf --resolution 256 --rays 4096");
-    let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
-    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
-    assert!(lines.any(|line| line.unwrap().starts_with("transport")));
-    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    let (mut child, _lines) = begun(&folder, "bake room.gltf --resolution 256 --rays 4096", "transport");
+    signal(&child);
     assert_eq!(child.wait().unwrap().code(), Some(130));
     assert_eq!(folder.files(), ["room.gltf"]);
 }
@@ -23,7 +33,7 @@ fn an_interrupted_bake_writes_nothing() {
 /// Sends Ctrl-C until it ends; its exit code, none if it does not.
 fn interrupt(child: &mut Child) -> Option<i32> {
     for _ in 0..300 {
-        Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        signal(child);
         thread::sleep(Duration::from_millis(100));
         if let Some(status) = child.try_wait().unwrap() {
             return status.code();
@@ -36,12 +46,10 @@ fn interrupt(child: &mut Child) -> Option<i32> {
 #[test]
 fn one_signal_ends_a_dense_solve() {
     let folder = Folder::new();
-    let mut command = folder.command("bake room.gltf --resolution 64 --rays 16 --solver direct --threads 1");
-    let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
-    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
-    assert!(lines.any(|line| line.unwrap().starts_with("radiosity")));
-    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    assert!(lines.any(|line| line.unwrap() == "interrupted"), "it was asked once only");
+    let options = "bake room.gltf --resolution 64 --rays 16 --solver direct --threads 1";
+    let (mut child, mut lines) = begun(&folder, options, "radiosity");
+    signal(&child);
+    assert!(lines.any(|line| line == "interrupted"), "it was asked once only");
     assert_eq!((child.wait().unwrap().code(), folder.files()), (Some(130), vec!["room.gltf".into()]));
 }
 
@@ -68,16 +76,14 @@ fn signals_count_again_when_all_is_written() {
 #[test]
 fn signals_among_the_writing_leave_whole_files() {
     let folder = Folder::new();
-    let mut command = folder.command("bake room.gltf -o a.glb --flat b.glb --resolution 1024 --rays 1");
-    let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
-    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
     // Until then names are tried, too, and signals end the program.
-    assert!(lines.any(|line| line.unwrap().starts_with("radiosity")));
-    let begun = |name: &String| name.starts_with(".luxel-");
+    let options = "bake room.gltf -o a.glb --flat b.glb --resolution 1024 --rays 1";
+    let (mut child, _lines) = begun(&folder, options, "radiosity");
+    let half = |name: &String| name.starts_with(".luxel-");
     while !folder.path("a.glb").exists() {
         assert!(child.try_wait().unwrap().is_none());
-        if folder.files().iter().any(begun) {
-            Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        if folder.files().iter().any(half) {
+            signal(&child);
         }
     }
     // The last of them may count again when all is written.
