@@ -12,6 +12,7 @@ mod columns;
 mod conjugate;
 mod dense;
 mod gauss_seidel;
+mod grouped;
 mod jacobi;
 mod reuse;
 mod shooting;
@@ -32,7 +33,7 @@ use crate::{
     progress::Observer,
     report::SolverReport,
     trace::Tracer,
-    transport::{Interpolation, Transport},
+    transport::{Interpolation, Neighbours, Transport},
 };
 use glam::{DVec3, Vec3};
 use solve::single;
@@ -78,9 +79,10 @@ impl Radiosity {
         observer: &dyn Observer,
     ) -> Result<Self> {
         let system = System::new(transport, patches, direct, sky, gathered);
-        let mut solved = match options.bounces {
-            None => system.solve(options.solver, TOLERANCE, observer),
-            Some(bounces) => system.truncated(bounces, observer),
+        let mut solved = match (options.bounces, &transport.groups) {
+            (None, None) => system.solve(options.solver, TOLERANCE, observer),
+            (None, Some(groups)) => system.solve_between(groups, options.solver, TOLERANCE, observer),
+            (Some(bounces), _) => system.truncated(bounces, observer),
         }?;
         // The system interpolates what is sampled, too; it is there at every patch.
         let extra = solved.sampled(direct);
@@ -103,7 +105,8 @@ impl Radiosity {
     ) -> Result<()> {
         let extra = self.sampled(direct);
         let mut own = self.by_rows(transport, extra);
-        let gather = reuse::Gather { transport, tracer, coverage, patches, radiosity: &self.gathered };
+        let neighbours = Neighbours { transport, tracer, coverage, patches };
+        let gather = reuse::Gather { neighbours, radiosity: &self.gathered };
         gather.run(&mut own, observer)?;
         self.spread(transport, &own, extra);
         Ok(())

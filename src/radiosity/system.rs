@@ -4,6 +4,7 @@ use super::channels::add;
 use crate::{direct::Direct, math::luminance, patches::Patches, transport::Transport};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// I -> F (M + rho (D + P I) - S) + B for given light and reflectance: of the first bounce, F rho D, the part S of the
 /// exitance rho D arrives as the sampled irradiance B ([`Bounce`](crate::direct::Bounce)) instead.
@@ -13,15 +14,15 @@ use rayon::prelude::*;
 pub struct System<'t> {
     pub(super) transport: &'t Transport,
     /// M of each patch, then the exitance of each cell of the sky.
-    emission: Vec<Vec3>,
-    pub(super) reflectance: &'t [Vec3],
+    pub(super) emission: Vec<Vec3>,
+    pub(super) reflectance: Cow<'t, [Vec3]>,
     /// Of the open part of each patch, which alone sends light on.
     pub(super) area: Vec<f64>,
     /// S of each patch; empty: none.
-    sampled: &'t [Vec3],
+    pub(super) sampled: &'t [Vec3],
     /// B of each receiver; empty: none.
-    extra: Vec<Vec3>,
-    direct: Vec<Vec3>,
+    pub(super) extra: Vec<Vec3>,
+    pub(super) direct: Vec<Vec3>,
 }
 
 /// Terms of the Neumann series that sharpen the bound on the inverse.
@@ -56,7 +57,7 @@ impl<'t> System<'t> {
         System {
             transport,
             emission: (0..patches.len()).map(exitance).chain(sky.iter().copied()).collect(),
-            reflectance: &patches.reflectance,
+            reflectance: Cow::Borrowed(&patches.reflectance),
             area: patches.area.iter().zip(&patches.validity).map(|(a, open)| f64::from(a * open)).collect(),
             sampled: &direct.bounce.exitance,
             extra: extra.copied().collect(),
@@ -109,7 +110,7 @@ impl<'t> System<'t> {
     fn sent(&self, x: &[DVec3]) -> Vec<DVec3> {
         let mut sent = vec![DVec3::ZERO; self.reflectance.len()];
         self.transport.interpolate(x, &mut sent);
-        sent.par_iter_mut().zip(self.reflectance).for_each(|(s, rho)| *s *= rho.as_dvec3());
+        sent.par_iter_mut().zip(&self.reflectance[..]).for_each(|(s, rho)| *s *= rho.as_dvec3());
         // The sky reflects nothing.
         sent.resize(self.emission.len(), DVec3::ZERO);
         sent

@@ -11,7 +11,9 @@ mod check;
 mod contour;
 mod draft;
 mod form_factors;
+mod groups;
 mod hemicube;
+mod neighbours;
 mod rays;
 mod receiver;
 mod rows;
@@ -20,6 +22,8 @@ mod waves;
 
 pub use check::Checked;
 pub use form_factors::FormFactors;
+pub use groups::Groups;
+pub use neighbours::Neighbours;
 pub use rays::rays_of_rows;
 pub use rows::{DARK, Ends, Row, Rows};
 
@@ -42,6 +46,8 @@ pub struct Transport {
     pub eyes: Vec<Eye>,
     /// Of each receiver that is a front, texels to the neighbours with which it may share, 1, 2, 4 or 8; empty: 1.
     pub strides: Vec<u8>,
+    /// Between which bounces are followed, where every patch is a receiver and neighbours share rays.
+    pub groups: Option<Groups>,
     /// What became of the rays.
     pub stats: Stats,
 }
@@ -239,30 +245,39 @@ impl Transport {
             interpolation.add_own(receivers.len() as u32);
             receivers.push(back);
         }
-        let transport = Transport {
+        let mut transport = Transport {
             receivers,
             rows: measured.rows,
             patches: patches.len(),
             interpolation,
             eyes: measured.eyes,
             strides,
+            groups: None,
             stats: measured.stats,
         };
+        if !transport.eyes.is_empty() && matches!(transport.interpolation, Interpolation::Identity) {
+            let neighbours = Neighbours { transport: &transport, tracer, coverage, patches };
+            transport.groups = Some(Groups::new(&neighbours));
+        }
         debug_assert!(transport.validate(patches).is_ok(), "{:?}", transport.validate(patches));
         Ok(transport)
     }
 
     /// Rows given by hand over `patches` patches, one receiver each: columns, and the weight of every entry.
     pub fn from_rows(patches: usize, rows: impl IntoIterator<Item = (Vec<u32>, f32)>) -> Self {
-        let rows = Rows::from_rows(rows);
-        let n = rows.len();
+        Self::of_all(Rows::from_rows(rows), patches)
+    }
+
+    /// One row for each of `patches` patches.
+    fn of_all(rows: Rows, patches: usize) -> Self {
         Transport {
-            receivers: (0..n as u32).collect(),
+            receivers: (0..rows.len() as u32).collect(),
             rows,
             patches,
             interpolation: Interpolation::Identity,
             eyes: Vec::new(),
             strides: Vec::new(),
+            groups: None,
             stats: Stats::default(),
         }
     }

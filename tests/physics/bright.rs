@@ -13,7 +13,7 @@ use luxel::{
 };
 
 /// A room of one open side under a sky, with a spot on its floor many times brighter than the rest.
-fn room_with_a_bright_spot(rho: f32, texels: u32) -> Stage {
+pub(super) fn room_with_a_bright_spot(rho: f32, texels: u32) -> Stage {
     let mut stage = Stage::new();
     let wall = stage.material(rho, 0.0);
     for face in FACES.into_iter().filter(|f| *f != Face::Front) {
@@ -26,17 +26,17 @@ fn room_with_a_bright_spot(rho: f32, texels: u32) -> Stage {
 }
 
 /// What a bake finds on its way.
-struct Rooms {
+pub(super) struct Rooms {
     coverage: Coverage,
-    patches: Patches,
-    transport: Transport,
-    direct: Direct,
+    pub(super) patches: Patches,
+    pub(super) transport: Transport,
+    pub(super) direct: Direct,
     sky: Vec<Vec3>,
     gathered: bool,
 }
 
 impl Rooms {
-    fn new(mut stage: Stage, rays: u32) -> Self {
+    pub(super) fn new(mut stage: Stage, rays: u32) -> Self {
         let (edge, _) = stage.lay_out();
         let layout = atlas::Options { unwrap: Unwrap::Keep, density: Density::Resolution(edge), page_size: 8192 };
         let scene = &stage.scene;
@@ -53,7 +53,7 @@ impl Rooms {
     }
 
     /// Indirect light of every patch, with this direct light.
-    fn indirect(&self, direct: &Direct, bounces: Option<u32>) -> Vec<f64> {
+    pub(super) fn indirect(&self, direct: &Direct, bounces: Option<u32>) -> Vec<f64> {
         let options = radiosity::Options { bounces, ..radiosity::Options::default() };
         let (sky, gathered) = (&self.sky, self.gathered);
         let found = Radiosity::solve(&self.transport, &self.patches, direct, sky, gathered, &options, &Silent);

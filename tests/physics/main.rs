@@ -2,6 +2,7 @@
 
 mod bounces;
 mod bright;
+mod groups;
 mod lights;
 
 #[path = "../common/mod.rs"]

@@ -13,16 +13,13 @@ mod shrink;
 mod trend;
 
 use crate::{
-    atlas::{Coverage, NO_TEXEL},
     error::Result,
     math::{
-        Frame, luminance,
+        Frame,
         simd::{LANES, Level},
     },
-    patches::{Patches, continues},
     progress::{Observer, check},
-    trace::{NOWHERE, Segment, Tracer},
-    transport::Transport,
+    transport::Neighbours,
 };
 use glam::{UVec2, Vec2, Vec3};
 use pool::Pool;
@@ -33,8 +30,6 @@ const TILE: u32 = 6;
 const MARGIN: u32 = 2;
 /// Edge of both.
 const EDGE: u32 = TILE + 2 * MARGIN;
-/// Height, in texels, above which something that stands between two texels parts them.
-const LIFT: f32 = 0.5;
 
 /// Receivers that say something of a pool, at least.
 const ENOUGH: usize = 8;
@@ -60,10 +55,7 @@ struct Found {
 
 /// What the last gather needs to know.
 pub(super) struct Gather<'a> {
-    pub transport: &'a Transport,
-    pub tracer: &'a Tracer<'a>,
-    pub coverage: &'a Coverage,
-    pub patches: &'a Patches,
+    pub neighbours: Neighbours<'a>,
     /// Radiosity of every column.
     pub radiosity: &'a [Vec3],
 }
@@ -71,21 +63,22 @@ pub(super) struct Gather<'a> {
 impl Gather<'_> {
     /// Replaces the irradiance of receivers that are fronts by what their neighbours' rays make of it.
     pub fn run(&self, irradiance: &mut [Vec3], observer: &dyn Observer) -> Result<()> {
-        let mut strides: Vec<u32> = (0..self.transport.eyes.len()).map(|r| self.transport.stride(r)).collect();
+        let Neighbours { transport, coverage, .. } = self.neighbours;
+        let mut strides: Vec<u32> = (0..transport.eyes.len()).map(|r| transport.stride(r)).collect();
         strides.sort_unstable();
         strides.dedup();
         let rows = |stride: u32, page: usize| {
-            let count = self.coverage.sizes[page].y.div_ceil(TILE * stride);
+            let count = coverage.sizes[page].y.div_ceil(TILE * stride);
             (0..count).map(move |y| (stride, page, y))
         };
-        let pages = 0..self.coverage.sizes.len();
+        let pages = 0..coverage.sizes.len();
         let strips = strides.into_iter().flat_map(|stride| pages.clone().flat_map(move |page| rows(stride, page)));
         let strips: Vec<(u32, usize, u32)> = strips.collect();
         let level = Level::best();
         observer.begin("reuse", strips.len() as u64);
         let own = &*irradiance;
         let strip = |&(stride, page, y): &(u32, usize, u32)| {
-            let tiles = 0..self.coverage.sizes[page].x.div_ceil(TILE * stride);
+            let tiles = 0..coverage.sizes[page].x.div_ceil(TILE * stride);
             let tiles = tiles
                 .filter(|_| !observer.cancelled())
                 .map(|x| self.tile(page, UVec2::new(x, y) * TILE * stride, stride, own, level));
@@ -106,24 +99,26 @@ impl Gather<'_> {
 
     /// New values of the receivers of this stride in the tile that begins at `first`, and in its margin.
     fn tile(&self, page: usize, first: UVec2, stride: u32, own: &[Vec3], level: Level) -> Vec<Found> {
+        let Gather { neighbours, .. } = self;
+        let Neighbours { transport, coverage, .. } = neighbours;
         let end = first + TILE * stride;
-        let mut inner = self.receivers(page, first, end, stride);
-        inner.retain(|&r| self.transport.stride(r as usize) == stride);
+        let mut inner = neighbours.receivers(page, first, end, stride);
+        inner.retain(|&r| transport.stride(r as usize) == stride);
         if inner.is_empty() {
             return Vec::new();
         }
         let margin = MARGIN * stride;
-        let mut left = self.receivers(page, first.saturating_sub(UVec2::splat(margin)), end + margin, stride);
+        let mut left = neighbours.receivers(page, first.saturating_sub(UVec2::splat(margin)), end + margin, stride);
         let mut found = Vec::with_capacity(left.len());
         let mut find = |receiver: u32, irradiance: Vec3| {
-            if self.transport.stride(receiver as usize) == stride {
-                let texel = self.transport.receivers[receiver as usize] as usize;
-                let from_corner = (self.coverage.texels[texel].at + margin - first) / stride;
+            if transport.stride(receiver as usize) == stride {
+                let texel = transport.receivers[receiver as usize] as usize;
+                let from_corner = (coverage.texels[texel].at + margin - first) / stride;
                 found.push(Found { receiver, irradiance, weight: depth(from_corner) });
             }
         };
         while let Some(&leader) = left.iter().find(|r| inner.contains(r)) {
-            let members = self.around(leader, &left, stride);
+            let members = neighbours.around(leader, &left, (TILE + MARGIN) * stride);
             let pool = Pool::new(self, &members);
             let of_members = members.into_iter().zip(pool.shared(level)).zip(pool.noise());
             let sharing = of_members.filter_map(|((r, shared), noise)| Some((r, shared?, noise)));
@@ -143,8 +138,8 @@ impl Gather<'_> {
     /// Receivers, what they share, and the noise of their own; puts back what sharing has blurred.
     fn straightened(&self, sharing: &[(u32, Vec3, f32)], own: &[Vec3]) -> Vec<(u32, Vec3)> {
         let Some(&(first, ..)) = sharing.first() else { return Vec::new() };
-        let axes = Frame::around(self.transport.eyes[first as usize].normal);
-        let at = |r: u32| axes.flat(self.transport.eyes[r as usize].position);
+        let axes = Frame::around(self.neighbours.transport.eyes[first as usize].normal);
+        let at = |r: u32| axes.flat(self.neighbours.transport.eyes[r as usize].position);
         let sample = |&(r, shared, noise): &(u32, Vec3, f32)| Sample { at: at(r), own: own[r as usize], shared, noise };
         let mut samples: Vec<Sample> = sharing.iter().map(sample).collect();
         if let Some(trend) = trend::of(&samples) {
@@ -153,48 +148,6 @@ impl Gather<'_> {
         let added = shrink::of(&samples);
         let value = |((&(r, ..), s), add): ((&(u32, Vec3, f32), &Sample), Vec3)| (r, (s.shared + add).max(Vec3::ZERO));
         sharing.iter().zip(&samples).zip(added).map(value).collect()
-    }
-
-    /// Receivers in a rectangle of the page that have rays, at every `step`-th column and row of the page.
-    fn receivers(&self, page: usize, low: UVec2, high: UVec2, step: u32) -> Vec<u32> {
-        let (grid, size) = (&self.coverage.grids[page], self.coverage.sizes[page]);
-        let high = high.min(size);
-        let columns = move || (low.x.next_multiple_of(step)..high.x).step_by(step as usize);
-        let rows = (low.y.next_multiple_of(step)..high.y).step_by(step as usize);
-        let cells = rows.flat_map(|y| columns().map(move |x| y * size.x + x));
-        let texels = cells.map(|cell| grid[cell as usize]);
-        let open = texels.filter(|&t| t != NO_TEXEL && !self.patches.buried[t as usize]);
-        open.filter_map(|t| self.transport.receiver_at(t)).map(|r| r as u32).collect()
-    }
-
-    /// Those that lie on the same smooth surface as the leader, with nothing standing between.
-    fn around(&self, leader: u32, receivers: &[u32], stride: u32) -> Vec<u32> {
-        let some = receivers.iter().copied().filter(|&r| self.continues(leader, r, stride));
-        let above = |r: u32| {
-            let eye = &self.transport.eyes[r as usize];
-            eye.position + eye.normal * (LIFT * self.size(r))
-        };
-        let origin = above(leader);
-        let (some, ways): (Vec<u32>, Vec<Segment>) =
-            some.map(|r| (r, Segment { origin, direction: above(r) - origin, t: 1.0, from: NOWHERE })).unzip();
-        let mut through = vec![Vec3::ZERO; ways.len()];
-        self.tracer.transmittance_of_each(&ways, &mut through);
-        let joined = some.into_iter().zip(through).filter(|&(r, way)| r == leader || luminance(way) > 0.5);
-        joined.map(|(r, _)| r).collect()
-    }
-
-    /// True if the surface goes on smoothly from one receiver to the other.
-    fn continues(&self, a: u32, b: u32, stride: u32) -> bool {
-        let (p, q) = (&self.transport.eyes[a as usize], &self.transport.eyes[b as usize]);
-        let size = self.size(a).max(self.size(b));
-        // Texels of other charts may lie beside it on the page; half as far again allows for stretched ones.
-        let apart = 1.5 * std::f32::consts::SQRT_2 * ((TILE + MARGIN) * stride) as f32 * size;
-        a == b || continues([p.position, p.normal], [q.position, q.normal], apart)
-    }
-
-    /// Edge of a receiver's texel, metres.
-    fn size(&self, receiver: u32) -> f32 {
-        self.patches.area[self.transport.receivers[receiver as usize] as usize].sqrt()
     }
 }
 

@@ -56,12 +56,12 @@ const ZERO: Eight = Eight([0.0; LANES]);
 impl Pool {
     /// Collects the rays of `receivers`.
     pub fn new(gather: &Gather, receivers: &[u32]) -> Self {
-        let eights = |&r: &u32| gather.transport.rows.ends(r as usize).columns.len().div_ceil(LANES);
+        let eights = |&r: &u32| gather.neighbours.transport.rows.ends(r as usize).columns.len().div_ceil(LANES);
         let ends = Vec::with_capacity(receivers.iter().map(eights).sum());
         let mut pool = Pool { members: Vec::with_capacity(receivers.len()), ends };
         for &receiver in receivers {
-            let eye = gather.transport.eyes[receiver as usize];
-            let ends = gather.transport.rows.ends(receiver as usize);
+            let eye = gather.neighbours.transport.eyes[receiver as usize];
+            let ends = gather.neighbours.transport.rows.ends(receiver as usize);
             let begin = pool.ends.len();
             let eights = ends.columns.chunks(LANES).zip(ends.spots.chunks(LANES));
             pool.ends.extend(eights.map(|(columns, spots)| Ends::new(gather, &eye, columns, spots)));
@@ -102,7 +102,7 @@ impl Ends {
         for (lane, (&column, &spot)) in columns.iter().zip(spots).enumerate() {
             // The sky, and what has no patch, faces whoever sees it.
             let facing = || (eye.position - spot).normalize_or_zero();
-            let normal = gather.patches.normal.get(column as usize).copied().unwrap_or_else(facing);
+            let normal = gather.neighbours.patches.normal.get(column as usize).copied().unwrap_or_else(facing);
             let radiosity = if column == DARK { Vec3::ZERO } else { gather.radiosity[column as usize] };
             for axis in 0..3 {
                 ends.spot[axis].0[lane] = spot[axis];
