@@ -77,7 +77,7 @@ pub struct Baked<'s> {
 /// Bakes `scene` with the effort that the options say.
 pub fn bake<'s>(scene: &'s Scene, options: &Options, observer: &dyn Observer) -> Result<Baked<'s>> {
     let mut ground = Ground::new(scene, options, observer)?;
-    let lit = ground.light(options, observer)?;
+    let lit = ground.light(options, None, observer)?;
     Ok(ground.baked(lit, options))
 }
 
@@ -123,11 +123,18 @@ impl<'s> Ground<'s> {
         Ok(Ground { tracer, atlas, coverage, patches, warnings, clock, taken_mb })
     }
 
-    fn light(&mut self, options: &Options, observer: &dyn Observer) -> Result<Lit> {
+    /// Keeps the rows of `before`, if it can.
+    fn light(&mut self, options: &Options, before: Option<Lit>, observer: &dyn Observer) -> Result<Lit> {
         let Ground { tracer, atlas, coverage, clock, .. } = self;
-        let mut patches = self.patches.clone();
-        let transport = clock
-            .time("transport", || Transport::measure(tracer, coverage, &mut patches, &options.transport, observer))?;
+        let rows = &options.transport;
+        let (kept, mut patches) = match before.filter(|lit| lit.transport.can_refine(rows)) {
+            Some(Lit { transport, patches, .. }) => (Some(transport), patches),
+            None => (None, self.patches.clone()),
+        };
+        let transport = clock.time("transport", || match kept {
+            Some(transport) => transport.refine(tracer, coverage, &mut patches, rows, observer),
+            None => Transport::measure(tracer, coverage, &mut patches, rows, observer),
+        })?;
         let sources = Sources::new(tracer, &patches);
         let direct = clock
             .time("direct", || Direct::measure(tracer, coverage, &patches, &sources, options.shadow_rays, observer))?;

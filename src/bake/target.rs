@@ -1,9 +1,9 @@
 //! A bake to a target: as much effort as the audit asks for.
 //!
 //! The first bake takes few rays. An audit looks at it with fresh points; if it cannot be sure that the error is below the
-//! target, it says how many rays will do, by how errors fall with rays, and the bake takes those. However often it looks,
-//! the chance that it is ever satisfied wrongly stays that of one look: the n-th has 1/2^n of it. What is told in the end
-//! is the figure of points that decided nothing.
+//! target, it says how many rays will do, by how errors fall with rays, and the bake adds those that it lacks. However often
+//! it looks, the chance that it is ever satisfied wrongly stays that of one look: the n-th has 1/2^n of it. What is told in
+//! the end is the figure of points that decided nothing.
 
 use super::{Baked, Ground, Lit, Options, plan};
 use crate::{
@@ -98,6 +98,9 @@ const LOOK: u64 = 4;
 
 /// Bakes `scene` until the target is reached, or cannot be: `options` but for the rays. [`Report::target`] says which.
 ///
+/// Rows keep the rays that they have, and others join them. Adaptive receivers are not the same ones where rays are more:
+/// there, all rows are measured anew. So is direct light.
+///
 /// [`Report::target`]: crate::report::Report::target
 pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observer: &dyn Observer) -> Result<Baked<'s>> {
     let start = Instant::now();
@@ -112,10 +115,11 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
     let mut ground = Ground::new(scene, &effort, observer)?;
     let most = most_rays(ground.coverage.texels.len(), options, target.most_rays);
     let mut report = TargetReport { error: target.error, ..TargetReport::default() };
+    let mut before = None;
     let lit = loop {
         observer.attempt(effort.transport.rays);
         let began = Instant::now();
-        let lit = ground.light(&effort, observer)?;
+        let lit = ground.light(&effort, before.take(), observer)?;
         let spent = began.elapsed();
         let rays = effort.transport.rays;
         let next = match target.error {
@@ -147,7 +151,7 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
             Err(Error::Memory { .. }) => break lit,
             other => other?,
         }
-        effort = more;
+        (effort, before) = (more, Some(lit));
     };
     let audit = audited(&mut ground, &lit, &effort, 0, 0.95, 1, observer)?;
     let mut baked = ground.baked(lit, &effort);

@@ -6,6 +6,7 @@
 
 use super::cosine_hemisphere;
 use glam::{Vec2, Vec3};
+use std::ops::Range;
 
 /// One sample: a place in a texel and a direction.
 #[derive(Clone, Copy, Debug)]
@@ -31,14 +32,23 @@ const SIDE: usize = 4;
 impl PointTable {
     /// Blocks of `block` points (1..=65536).
     pub fn new(block: usize, seed: u32) -> Self {
+        Self::part(0..block, seed)
+    }
+
+    /// The points `part` of blocks that grow: they begin where those of shorter blocks ended, so that the points of all texels
+    /// around stay one net.
+    pub fn part(part: Range<usize>, seed: u32) -> Self {
+        let block = part.len();
         let blocks = (LONGEST / block).clamp(1, SIDE * SIDE);
-        let points = (0..(block * blocks) as u32)
-            .map(|i| {
-                let [a, b, c, d] = sobol_burley::sample_4d(i, 0, seed);
-                let extra = Vec2::new(c, d);
-                Point { place: Vec2::new(a, b), extra, direction: cosine_hemisphere(extra) }
-            })
-            .collect();
+        let first = SIDE * SIDE * part.start;
+        let point = |i: usize| {
+            // Where the sequence ends, another begins.
+            let [a, b, c, d] =
+                sobol_burley::sample_4d((i % LONGEST) as u32, 0, seed.wrapping_add((i / LONGEST) as u32));
+            let extra = Vec2::new(c, d);
+            Point { place: Vec2::new(a, b), extra, direction: cosine_hemisphere(extra) }
+        };
+        let points = (first..first + block * blocks).map(point).collect();
         PointTable { points, block, blocks }
     }
 

@@ -6,11 +6,10 @@
 //! visibility is sampled, and a row may sum to more or less. Elsewhere it is scaled if it sums to more.
 
 use super::{
-    FormFactors, Options, Stats,
+    FormFactors, Options, Stats, Transport,
     contour::{Polygon, factor},
     rays,
     rows::{BLOCK, Block, Row, Rows},
-    waves::Measured,
 };
 use crate::{
     atlas::Coverage,
@@ -32,19 +31,18 @@ const SEGMENTS: usize = 16;
 /// A row's sum may be off by so much before it is said that it was scaled: single precision, and the outer integral's end.
 const SLACK: f64 = 1e-5;
 
-/// Measures the fronts that are `receivers`, and the backs that rays meet.
+/// Measures the receivers of `transport`, and the backs that rays meet.
 pub(super) fn measure(
     tracer: &Tracer,
     coverage: &Coverage,
     patches: &mut Patches,
-    receivers: &[u32],
+    transport: &mut Transport,
     options: &Options,
     observer: &dyn Observer,
-) -> Result<Measured> {
+) -> Result<()> {
     refuse_smooth(tracer, coverage)?;
-    let Measured { rows, mut stats, .. } = rays::measure(tracer, coverage, patches, receivers, options, observer)?;
+    rays::measure(tracer, coverage, patches, transport, options, observer)?;
     FormFactors::Analytic.check(patches.len())?;
-    let receivers: Vec<u32> = receivers.iter().copied().chain(patches.fronts as u32..patches.len() as u32).collect();
     let shapes = shapes(tracer, coverage, patches);
     let polygons: usize = shapes.iter().map(|s| s.polygons.len()).sum();
     if polygons > MOST_POLYGONS {
@@ -52,7 +50,8 @@ pub(super) fn measure(
         let problem = format!("{polygons} pieces of triangles in texels are more than the {most} whose pairs it takes");
         return Err(FormFactors::Analytic.refusal(&problem));
     }
-    let pairs = Pairs { tracer, patches, shapes, rays: &rows };
+    let pairs = Pairs { tracer, patches, shapes, rays: &transport.rows };
+    let receivers = &transport.receivers;
     observer.begin("transport: pairs", receivers.len() as u64);
     let firsts: Vec<usize> = (0..receivers.len()).step_by(BLOCK).collect();
     let done: Vec<_> = firsts
@@ -73,9 +72,10 @@ pub(super) fn measure(
     let mut blocks = Vec::new();
     for (block, of_block) in done {
         blocks.push(block);
-        stats += of_block;
+        transport.stats += of_block;
     }
-    Ok(Measured { rows: Rows::new(blocks), eyes: Vec::new(), stats })
+    transport.rows = Rows::new(blocks);
+    Ok(())
 }
 
 /// The integral is that of flat faces.

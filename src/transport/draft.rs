@@ -1,6 +1,9 @@
 //! [`Draft`]: a row while it is measured.
 
-use super::rows::{Block, DARK};
+use super::{
+    Eye,
+    rows::{Block, DARK},
+};
 use crate::patches::Seen;
 use glam::{Vec2, Vec3};
 
@@ -41,6 +44,19 @@ impl Draft {
     pub fn see(&mut self, origin: Vec3, spot: Vec3) {
         self.origins += origin;
         self.spots.push(spot);
+    }
+
+    /// Adds the rays of row `k` of a block; their places, too, if the eye is there that they started from.
+    pub fn join(&mut self, block: &Block, k: usize, eye: Option<&Eye>) {
+        let ends = block.rays(k);
+        let rays = (1.0 / block.row(k).weight).round() as usize;
+        self.columns.extend_from_slice(ends.columns);
+        // Without places, those that met nothing are not kept one by one.
+        self.columns.resize(self.columns.len() + rays - ends.columns.len(), DARK);
+        if let Some(eye) = eye {
+            self.spots.extend_from_slice(ends.spots);
+            self.origins += eye.position * rays as f32;
+        }
     }
 
     /// Appends it to a block: patches, cells of the sky, what does not shine.

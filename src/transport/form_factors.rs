@@ -1,6 +1,6 @@
 //! [`FormFactors`]: the closed set of estimators of rows, and what each needs.
 
-use super::{Options, analytic, hemicube, rays, waves::Measured};
+use super::{Options, Transport, analytic, hemicube, rays};
 use crate::{
     atlas::Coverage,
     error::{Error, Result},
@@ -74,22 +74,22 @@ impl FormFactors {
         }
     }
 
-    /// Measures the rows of `receivers`, and of the backs that are met.
+    /// Measures the rows of the receivers of `transport`, and of the backs that are met.
     pub(super) fn measure(
         self,
         tracer: &Tracer,
         coverage: &Coverage,
         patches: &mut Patches,
-        receivers: &[u32],
+        transport: &mut Transport,
         options: &Options,
         observer: &dyn Observer,
-    ) -> Result<Measured> {
+    ) -> Result<()> {
         match self {
-            FormFactors::Rays => rays::measure(tracer, coverage, patches, receivers, options, observer),
+            FormFactors::Rays => rays::measure(tracer, coverage, patches, transport, options, observer),
             FormFactors::Hemicube { resolution } => {
-                hemicube::measure(tracer, coverage, patches, receivers, resolution, options, observer)
+                hemicube::measure(tracer, coverage, patches, transport, resolution, options, observer)
             }
-            FormFactors::Analytic => analytic::measure(tracer, coverage, patches, receivers, options, observer),
+            FormFactors::Analytic => analytic::measure(tracer, coverage, patches, transport, options, observer),
         }
     }
 }

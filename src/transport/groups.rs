@@ -98,7 +98,7 @@ impl Groups {
             block
         };
         let blocks = groups.par_chunks(BLOCK).map(block).collect();
-        Transport::of_all(Rows::new(blocks), self.len())
+        Transport::of(self.len(), (0..n).collect(), Rows::new(blocks))
     }
 }
 

@@ -6,11 +6,11 @@
 //! not plaid), and one point stands for its texel, which tells where patches are near.
 
 use super::{
-    Options, Stats,
+    Options, Stats, Transport,
     receiver::Receiver,
     rows::{BLOCK, Block, DARK},
     sight::Sight,
-    waves::{self, Desk, Done, Measured, Method},
+    waves::{self, Desk, Done, Method, Task},
 };
 use crate::{
     atlas::Coverage,
@@ -23,22 +23,22 @@ use crate::{
 use glam::{Vec2, Vec3};
 use std::f64::consts::TAU;
 
-/// Measures the fronts that are `receivers`, and the backs that are met.
+/// Measures the receivers of `transport`, and the backs that are met.
 pub(super) fn measure(
     tracer: &Tracer,
     coverage: &Coverage,
     patches: &mut Patches,
-    receivers: &[u32],
+    transport: &mut Transport,
     resolution: u32,
     options: &Options,
     observer: &dyn Observer,
-) -> Result<Measured> {
+) -> Result<()> {
     let hemicube = Hemicube {
         sight: Sight::new(tracer, coverage),
         pixels: pixels(resolution),
         table: PointTable::new(PLACES, 0x6865_6d69),
     };
-    waves::measure(&hemicube, patches, receivers, options, observer)
+    waves::measure(&hemicube, patches, transport, options, observer)
 }
 
 /// Places of a texel that are looked at where its middle may be enclosed.
@@ -102,9 +102,9 @@ impl Method for Hemicube<'_> {
         &self.sight
     }
 
-    fn block<'s>(&'s self, desk: &mut Desk<'s>, texels: &[u32], back: bool, observer: &dyn Observer) -> Done {
+    fn block<'s>(&'s self, desk: &mut Desk<'s>, task: &Task, observer: &dyn Observer) -> Done {
         let mut done = Done::default();
-        let (receivers, _) = desk.clear(&self.sight, &self.table, texels, back);
+        let (receivers, _) = desk.clear(&self.sight, &self.table, &task.texels, task.back);
         for receiver in receivers {
             if observer.cancelled() {
                 return done;

@@ -27,7 +27,14 @@ pub use neighbours::Neighbours;
 pub use rays::rays_of_rows;
 pub use rows::{DARK, Ends, Row, Rows};
 
-use crate::{atlas::Coverage, error::Result, memory, patches::Patches, progress::Observer, trace::Tracer};
+use crate::{
+    atlas::Coverage,
+    error::{Error, Result},
+    memory,
+    patches::Patches,
+    progress::Observer,
+    trace::Tracer,
+};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::{iter::Sum, ops::Mul};
@@ -48,6 +55,8 @@ pub struct Transport {
     pub strides: Vec<u8>,
     /// Between which bounces are followed, where every patch is a receiver and neighbours share rays.
     pub groups: Option<Groups>,
+    /// Rays of a row where rows are counts of rays, but for what is enclosed; else 0.
+    pub rays: u32,
     /// What became of the rays.
     pub stats: Stats,
 }
@@ -230,9 +239,8 @@ impl Transport {
         options: &Options,
         observer: &dyn Observer,
     ) -> Result<Self> {
-        let fronts = patches.fronts as u32;
-        let (mut receivers, strides, mut interpolation) = match options.receivers {
-            Receivers::All => ((0..fronts).collect(), Vec::new(), Interpolation::Identity),
+        let (receivers, strides, interpolation) = match options.receivers {
+            Receivers::All => ((0..patches.fronts as u32).collect(), Vec::new(), Interpolation::Identity),
             Receivers::Auto => {
                 let chosen = adaptive::choose(tracer, coverage, options.rays, observer)?;
                 // Until now nobody knew how many there are.
@@ -240,44 +248,75 @@ impl Transport {
                 (chosen.texels, chosen.strides, chosen.interpolation)
             }
         };
-        let measured = options.form_factors.measure(tracer, coverage, patches, &receivers, options, observer)?;
-        for back in fronts..patches.len() as u32 {
-            interpolation.add_own(receivers.len() as u32);
-            receivers.push(back);
+        let nothing = Self::of(patches.fronts, receivers, Rows::new(Vec::new()));
+        Transport { strides, interpolation, ..nothing }.add(tracer, coverage, patches, options, observer)
+    }
+
+    /// True if rows as `options` say hold these and more.
+    pub fn can_refine(&self, options: &Options) -> bool {
+        let all = matches!(self.interpolation, Interpolation::Identity) && options.receivers == Receivers::All;
+        let more = (1..options.rays).contains(&self.rays) && options.form_factors == FormFactors::Rays;
+        all && more && (!self.eyes.is_empty() || !options.reuse)
+    }
+
+    /// Shoots the rays that rows lack to be as `options` say, which it [can refine](Self::can_refine); what these rows hold is
+    /// kept. `patches` are those that know of them.
+    pub fn refine(
+        self,
+        tracer: &Tracer,
+        coverage: &Coverage,
+        patches: &mut Patches,
+        options: &Options,
+        observer: &dyn Observer,
+    ) -> Result<Self> {
+        if !self.can_refine(options) {
+            return Err(Error::Usage(format!(
+                "rows of {} rays cannot become those of {options:?}\n  measure anew",
+                self.rays
+            )));
         }
-        let mut transport = Transport {
-            receivers,
-            rows: measured.rows,
-            patches: patches.len(),
-            interpolation,
-            eyes: measured.eyes,
-            strides,
-            groups: None,
-            stats: measured.stats,
-        };
-        if !transport.eyes.is_empty() && matches!(transport.interpolation, Interpolation::Identity) {
-            let neighbours = Neighbours { transport: &transport, tracer, coverage, patches };
-            transport.groups = Some(Groups::new(&neighbours));
+        self.add(tracer, coverage, patches, options, observer)
+    }
+
+    /// Rays for the receivers that it has, and for the backs that they meet.
+    fn add(
+        mut self,
+        tracer: &Tracer,
+        coverage: &Coverage,
+        patches: &mut Patches,
+        options: &Options,
+        observer: &dyn Observer,
+    ) -> Result<Self> {
+        let known = self.receivers.len();
+        options.form_factors.measure(tracer, coverage, patches, &mut self, options, observer)?;
+        (known..self.receivers.len()).for_each(|back| self.interpolation.add_own(back as u32));
+        self.patches = patches.len();
+        self.rays = if options.form_factors == FormFactors::Rays { options.rays } else { 0 };
+        if !self.eyes.is_empty() && matches!(self.interpolation, Interpolation::Identity) {
+            let neighbours = Neighbours { transport: &self, tracer, coverage, patches };
+            self.groups = Some(Groups::new(&neighbours));
         }
-        debug_assert!(transport.validate(patches).is_ok(), "{:?}", transport.validate(patches));
-        Ok(transport)
+        debug_assert!(self.validate(patches).is_ok(), "{:?}", self.validate(patches));
+        Ok(self)
     }
 
     /// Rows given by hand over `patches` patches, one receiver each: columns, and the weight of every entry.
     pub fn from_rows(patches: usize, rows: impl IntoIterator<Item = (Vec<u32>, f32)>) -> Self {
-        Self::of_all(Rows::from_rows(rows), patches)
+        let rows = Rows::from_rows(rows);
+        Self::of(patches, (0..rows.len() as u32).collect(), rows)
     }
 
-    /// One row for each of `patches` patches.
-    fn of_all(rows: Rows, patches: usize) -> Self {
+    /// Receivers that are the patches they stand at.
+    fn of(patches: usize, receivers: Vec<u32>, rows: Rows) -> Self {
         Transport {
-            receivers: (0..rows.len() as u32).collect(),
+            receivers,
             rows,
             patches,
             interpolation: Interpolation::Identity,
             eyes: Vec::new(),
             strides: Vec::new(),
             groups: None,
+            rays: 0,
             stats: Stats::default(),
         }
     }

@@ -2,14 +2,17 @@
 //!
 //! A point that is enclosed by other geometry ([`Enclosure`]) leaves the row: a texel partly under a
 //! box stands for its open part. A texel enclosed altogether keeps its row and is marked.
+//!
+//! A row that is there is kept, and the rays that it lacks join it, through points of their own. Which of these are enclosed
+//! is asked anew; a texel is enclosed altogether if it was to all lots of rays, and its row is the last lot's then.
 
 use super::{
-    Eye, Options, Stats,
+    Eye, Options, Stats, Transport,
     draft::{Behind, Draft},
     receiver::Receiver,
     rows::{BLOCK, Block},
     sight::{End, Sight},
-    waves::{self, Desk, Done, Measured, Method},
+    waves::{self, Desk, Done, Method, Task},
 };
 use crate::{
     atlas::Coverage,
@@ -20,6 +23,7 @@ use crate::{
     trace::{NOWHERE, Ray, Tracer},
 };
 use glam::{Vec2, Vec3};
+use std::ops::Range;
 
 /// In place of a column while it is not known whether the ray counts.
 const OPEN: u32 = u32::MAX - 1;
@@ -36,29 +40,30 @@ const TOGETHER: usize = 8;
 /// Draws of a direction above the face before it is mirrored there.
 const DRAWS: usize = 16;
 
-/// Measures the fronts that are `receivers`, and the backs that their rays meet.
+/// Measures the receivers of `transport`, beyond the rays that their rows have, and the backs that are met.
 pub(super) fn measure(
     tracer: &Tracer,
     coverage: &Coverage,
     patches: &mut Patches,
-    receivers: &[u32],
+    transport: &mut Transport,
     options: &Options,
     observer: &dyn Observer,
-) -> Result<Measured> {
-    let shooter = Shooter::new(tracer, coverage, options, options.shares(receivers.len()));
-    waves::measure(&shooter, patches, receivers, options, observer)
+) -> Result<()> {
+    let fronts = transport.receivers.partition_point(|&patch| (patch as usize) < patches.fronts);
+    let shooter = Shooter::new(tracer, coverage, transport.rays..options.rays, options.shares(fronts));
+    waves::measure(&shooter, patches, transport, options, observer)
 }
 
 /// The rays of the fronts' rows, in the order in which [`Transport::measure`](super::Transport::measure) shoots them
 /// first: for benchmarks.
 pub fn rays_of_rows(tracer: &Tracer, coverage: &Coverage, rays: u32) -> Vec<Ray> {
-    let shooter = Shooter::new(tracer, coverage, &Options::of(rays), false);
+    let (sight, lot) = (Sight::new(tracer, coverage), Lot::new(0..rays as usize));
     let texels: Vec<u32> = (0..coverage.texels.len() as u32).collect();
-    let (mut out, mut desk) = (Vec::with_capacity(texels.len() * shooter.rays), Desk::default());
+    let (mut out, mut desk) = (Vec::with_capacity(texels.len() * lot.rays()), Desk::default());
     for texels in texels.chunks(BLOCK) {
-        let (receivers, _) = desk.clear(&shooter.sight, &shooter.table, texels, false);
-        for k in 0..shooter.rays {
-            out.extend(receivers.iter().map(|r| shooter.ray(r, r.point(k), k)));
+        let (receivers, _) = desk.clear(&sight, &lot.table, texels, false);
+        for k in 0..lot.rays() {
+            out.extend(receivers.iter().map(|r| lot.ray(r, r.point(k), k)));
         }
     }
     out
@@ -66,30 +71,38 @@ pub fn rays_of_rows(tracer: &Tracer, coverage: &Coverage, rays: u32) -> Vec<Ray>
 
 struct Shooter<'a> {
     sight: Sight<'a>,
-    rays: usize,
     /// Whether the places at which rays of fronts end are kept.
     keep: bool,
+    /// All rays of a row, and those that rows lack that are there.
+    all: Lot,
+    more: Lot,
+}
+
+/// Rays of a row that are shot together.
+struct Lot {
+    /// Which of the row's.
+    part: Range<usize>,
     /// Points of every row, by direction.
     table: PointTable,
     /// Points for what they leave open.
     again: PointTable,
 }
 
-impl<'a> Shooter<'a> {
-    fn new(tracer: &'a Tracer<'a>, coverage: &'a Coverage, options: &Options, keep: bool) -> Self {
-        let rays = options.rays as usize;
-        Shooter {
-            sight: Sight::new(tracer, coverage),
-            rays,
-            keep,
-            table: PointTable::new(rays, 0x7261_7973).by_direction(),
-            again: PointTable::new(rays, 0x6167_6169),
-        }
+impl Lot {
+    fn new(part: Range<usize>) -> Self {
+        let table = |seed: u32| PointTable::part(part.clone(), seed);
+        let (table, again) = (table(0x7261_7973).by_direction(), table(0x6167_6169));
+        Lot { part, table, again }
     }
 
+    fn rays(&self) -> usize {
+        self.part.len()
+    }
+
+    /// The ray through the `k`-th point of the lot.
     #[inline(always)]
     fn ray(&self, receiver: &Receiver, point: &Point, k: usize) -> Ray {
-        let key = receiver.key.wrapping_add(k as u32);
+        let key = receiver.key.wrapping_add((PASSES * self.part.start + k) as u32);
         let (cell, at) = receiver.footprint.cell(point.place);
         match &receiver.facets[cell.face as usize] {
             Some(facet) => {
@@ -103,27 +116,58 @@ impl<'a> Shooter<'a> {
         }
     }
 
-    /// Decides about the points that may be enclosed, and shoots more rays for those that are.
-    fn complete(&self, receiver: &Receiver, row: &mut Draft, done: &mut Done) {
+    /// A direction about the shading normal, drawn again while it lies below the face.
+    #[inline(always)]
+    fn direction(&self, p: &SurfacePoint, point: &Point, receiver: &Receiver, k: usize) -> Vec3 {
+        let d = receiver.turned(p, point);
+        if p.normal == p.face || d.dot(p.face) > 0.0 {
+            return d;
+        }
+        self.direction_above(p, receiver, k)
+    }
+
+    #[cold]
+    fn direction_above(&self, p: &SurfacePoint, receiver: &Receiver, k: usize) -> Vec3 {
+        let (x, y, rays) = (receiver.at.x, receiver.at.y, self.rays());
+        let draw = |draw: usize| receiver.turned(p, &self.again.block(x, y, k / rays + draw)[(k + draw * 7) % rays]);
+        let above = (1..DRAWS).map(draw).find(|d| d.dot(p.face) > 0.0);
+        above.unwrap_or_else(|| {
+            let d = draw(0);
+            d - 2.0 * d.dot(p.face).min(0.0) * p.face
+        })
+    }
+}
+
+impl<'a> Shooter<'a> {
+    /// For rows that have the rays before `part`, or none.
+    fn new(tracer: &'a Tracer<'a>, coverage: &'a Coverage, part: Range<u32>, keep: bool) -> Self {
+        let [start, end] = [part.start, part.end].map(|rays| rays as usize);
+        Shooter { sight: Sight::new(tracer, coverage), keep, all: Lot::new(0..end), more: Lot::new(start..end) }
+    }
+
+    /// Decides about the points that may be enclosed, and shoots more rays for those that are. `open`: of the rays before, how
+    /// many began outside, if the texel was not enclosed.
+    fn complete(&self, lot: &Lot, receiver: &Receiver, row: &mut Draft, open: Option<f32>, done: &mut Done) {
         // Few rays may all meet the backs of sheets: then one of their points is looked at.
-        let some = if self.rays < FEW { &row.behind[..row.behind.len().min(1)] } else { &[] };
-        let enclosed_all = row.behind.len() == self.rays && self.holds(receiver, some, &mut 0).iter().all(|e| *e);
+        let some = if lot.part.end < FEW { &row.behind[..row.behind.len().min(1)] } else { &[] };
+        let all_behind = open.is_none() && row.behind.len() == lot.rays();
+        let enclosed_all = all_behind && self.holds(receiver, some, &mut 0).iter().all(|e| *e);
         self.decide(receiver, row, enclosed_all, &mut done.stats);
         let valid = row.columns.len();
-        let buried = enclosed_all || valid == 0;
+        let buried = enclosed_all || open.is_none() && valid == 0;
         done.buried.push(buried);
-        done.validity.push(if buried { 1.0 } else { valid as f32 / self.rays as f32 });
+        done.validity.push(if buried { 1.0 } else { (open.unwrap_or(0.0) + valid as f32) / lot.part.end as f32 });
         let (mut rays, mut hits) = (Vec::new(), Vec::new());
         for pass in 1..PASSES {
             let valid = row.columns.len();
-            if buried || valid >= self.rays {
+            if buried || valid >= lot.rays() {
                 return;
             }
-            let points = self.again.block(receiver.at.x, receiver.at.y, pass);
-            let points = &points[..self.rays - valid];
-            let key = |k: usize| pass * self.rays + k;
+            let points = lot.again.block(receiver.at.x, receiver.at.y, pass);
+            let points = &points[..lot.rays() - valid];
+            let key = |k: usize| pass * lot.rays() + k;
             rays.clear();
-            rays.extend(points.iter().enumerate().map(|(k, point)| self.ray(receiver, point, key(k))));
+            rays.extend(points.iter().enumerate().map(|(k, point)| lot.ray(receiver, point, key(k))));
             hits.resize(rays.len(), None);
             self.sight.tracer.closest_of_each(&rays, &mut hits);
             for ((ray, hit), point) in rays.iter().zip(&hits).zip(points) {
@@ -178,27 +222,6 @@ impl<'a> Shooter<'a> {
         let points: Vec<SurfacePoint> = behind.iter().map(|b| receiver.surface(b.place)).collect();
         self.sight.holds(receiver, &points, found)
     }
-
-    /// A direction about the shading normal, drawn again while it lies below the face.
-    #[inline(always)]
-    fn direction(&self, p: &SurfacePoint, point: &Point, receiver: &Receiver, k: usize) -> Vec3 {
-        let d = receiver.turned(p, point);
-        if p.normal == p.face || d.dot(p.face) > 0.0 {
-            return d;
-        }
-        self.direction_above(p, receiver, k)
-    }
-
-    #[cold]
-    fn direction_above(&self, p: &SurfacePoint, receiver: &Receiver, k: usize) -> Vec3 {
-        let (x, y, rays) = (receiver.at.x, receiver.at.y, self.rays);
-        let draw = |draw: usize| receiver.turned(p, &self.again.block(x, y, k / rays + draw)[(k + draw * 7) % rays]);
-        let above = (1..DRAWS).map(draw).find(|d| d.dot(p.face) > 0.0);
-        above.unwrap_or_else(|| {
-            let d = draw(0);
-            d - 2.0 * d.dot(p.face).min(0.0) * p.face
-        })
-    }
 }
 
 impl Method for Shooter<'_> {
@@ -206,23 +229,25 @@ impl Method for Shooter<'_> {
         &self.sight
     }
 
-    fn block<'s>(&'s self, desk: &mut Desk<'s>, texels: &[u32], back: bool, observer: &dyn Observer) -> Done {
-        let mut done = Done { block: Block::with_capacity(texels.len() * self.rays), ..Done::default() };
+    fn block<'s>(&'s self, desk: &mut Desk<'s>, task: &Task, observer: &dyn Observer) -> Done {
+        let Task { texels, back, before } = task;
+        let n = texels.len();
+        let mut done = Done { block: Block::with_capacity(n * self.all.rays()), ..Done::default() };
         if observer.cancelled() {
             return done;
         }
         let keep = self.keep && !back;
-        let (receivers, rows) = desk.clear(&self.sight, &self.table, texels, back);
-        let n = texels.len();
+        let lot = if before.block.is_empty() { &self.all } else { &self.more };
+        let (receivers, rows) = desk.clear(&self.sight, &lot.table, texels, *back);
         let nowhere = Ray { origin: Vec3::ZERO, direction: Vec3::Z, key: 0, from: NOWHERE };
         let (mut rays, mut hits) = (vec![nowhere; n * TOGETHER], vec![None; n * TOGETHER]);
-        let mut ends = Vec::with_capacity(n * self.rays);
-        for first in (0..self.rays).step_by(TOGETHER) {
-            let directions = first..(first + TOGETHER).min(self.rays);
+        let mut ends = Vec::with_capacity(n * lot.rays());
+        for first in (0..lot.rays()).step_by(TOGETHER) {
+            let directions = first..(first + TOGETHER).min(lot.rays());
             let count = n * directions.len();
             for (i, r) in receivers.iter().enumerate() {
                 for (ray, k) in rays[i..count].iter_mut().step_by(n).zip(directions.clone()) {
-                    *ray = self.ray(r, r.point(k), k);
+                    *ray = lot.ray(r, r.point(k), k);
                 }
             }
             // All receivers shoot into one direction before the next: rays beside each other meet the same boxes.
@@ -242,7 +267,12 @@ impl Method for Shooter<'_> {
         }
         for (i, (receiver, row)) in receivers.iter().zip(rows).enumerate() {
             row.columns.extend(ends[i..].iter().step_by(n).filter(|&&column| column != OPEN));
-            self.complete(receiver, row, &mut done);
+            let open = before.buried.get(i).is_some_and(|buried| !buried);
+            let of_before = open.then(|| before.validity[i] * lot.part.start as f32);
+            self.complete(lot, receiver, row, of_before, &mut done);
+            if open {
+                row.join(&before.block, i, before.eyes.get(i).filter(|_| keep));
+            }
             row.push_to(&mut done.block);
             if keep {
                 let normal = receiver.surface(Vec2::splat(0.5)).normal;

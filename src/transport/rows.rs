@@ -125,18 +125,30 @@ impl Block {
         self.spots.shrink_to_fit();
     }
 
+    /// Number of its rows.
+    pub fn len(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// True if it has none.
+    pub fn is_empty(&self) -> bool {
+        self.ends.is_empty()
+    }
+
     /// Its rows in order.
     pub fn rows(&self) -> impl Iterator<Item = Row<'_>> {
         (0..self.ends.len()).map(|k| self.row(k))
     }
 
-    fn row(&self, k: usize) -> Row<'_> {
+    /// Its row `k`.
+    pub fn row(&self, k: usize) -> Row<'_> {
         let range = self.begin(k)..self.ends[k] as usize;
         let shares = self.shares.get(range.clone()).unwrap_or_default();
         Row { columns: &self.columns[range], weight: self.weights[k], shares }
     }
 
-    fn rays(&self, k: usize) -> Ends<'_> {
+    /// Where the rays of its row `k` ended.
+    pub fn rays(&self, k: usize) -> Ends<'_> {
         let range = self.begin(k)..self.dark_ends[k] as usize;
         Ends { columns: &self.columns[range.clone()], spots: self.spots.get(range).unwrap_or_default() }
     }
@@ -154,6 +166,11 @@ impl Rows {
             firsts.push(firsts[firsts.len() - 1] + b.ends.len());
         }
         Rows { blocks, firsts }
+    }
+
+    /// Its blocks, to be measured further.
+    pub fn into_blocks(self) -> Vec<Block> {
+        self.blocks
     }
 
     /// Rows given one by one as columns and the weight of each entry.

@@ -99,6 +99,11 @@ impl<'a> Sight<'a> {
     }
 }
 
+/// Takes the columns from `sky` on, its cells, back: more backs may be met.
+pub(super) fn reopen(block: &mut Block, sky: u32) {
+    block.columns_mut().filter(|c| **c >= sky).for_each(|c| *c = SKY | (*c - sky));
+}
+
 /// Gives backs and cells of the sky their columns: fronts, backs in order, then the sky.
 pub(super) fn renumber(blocks: &mut [Block], texels: u32, backs: &[u32], sky: u32) {
     let mut column_of = vec![0u32; if backs.is_empty() { 0 } else { texels as usize }];

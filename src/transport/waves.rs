@@ -1,12 +1,12 @@
-//! Rows in waves: the fronts first, then the backs that their rays met, until no ray meets a new one. Once for all methods
-//! that shoot.
+//! Rows in waves: the fronts first, and the backs that are known, then the backs that their rays met, until no ray meets a
+//! new one. Once for all methods that shoot.
 
 use super::{
-    Eye, Options, Stats,
+    Eye, Options, Stats, Transport,
     draft::Draft,
     receiver::Receiver,
     rows::{BLOCK, Block, Rows},
-    sight::{Sight, renumber},
+    sight::{Sight, renumber, reopen},
 };
 use crate::{
     error,
@@ -22,15 +22,16 @@ pub(super) trait Method: Sync {
     /// What its rays meet.
     fn sight(&self) -> &Sight<'_>;
 
-    /// The rows of some texels, of all their fronts or all their backs.
-    fn block<'s>(&'s self, desk: &mut Desk<'s>, texels: &[u32], back: bool, observer: &dyn Observer) -> Done;
+    /// The rows of a task; none if the user wants to stop.
+    fn block<'s>(&'s self, desk: &mut Desk<'s>, task: &Task, observer: &dyn Observer) -> Done;
 }
 
-/// All rows.
-pub(super) struct Measured {
-    pub rows: Rows,
-    pub eyes: Vec<Eye>,
-    pub stats: Stats,
+/// Texels whose rows are measured together: of all their fronts, or of all their backs.
+pub(super) struct Task {
+    pub texels: Vec<u32>,
+    pub back: bool,
+    /// What was measured before, to be kept; empty if nothing was.
+    pub before: Done,
 }
 
 /// Rows of a block.
@@ -69,48 +70,78 @@ impl<'a> Desk<'a> {
     }
 }
 
-/// Measures the fronts that are `receivers`, then the backs, and tells `patches` of them.
+/// Measures the rows of the receivers of `transport`, beyond those that are there, then those of the backs that are met, and
+/// tells `patches` of them.
 pub(super) fn measure(
     method: &dyn Method,
     patches: &mut Patches,
-    receivers: &[u32],
+    transport: &mut Transport,
     options: &Options,
     observer: &dyn Observer,
-) -> error::Result<Measured> {
-    let texels = patches.fronts;
-    let mut wave = receivers.to_vec();
-    let (mut back, mut backs) = (false, Vec::new());
-    let (mut validity, mut buried) = (Vec::with_capacity(wave.len()), Vec::with_capacity(wave.len()));
-    let (mut blocks, mut eyes) = (Vec::new(), Vec::new());
-    let mut stats = Stats::default();
-    observer.begin("transport", wave.len() as u64);
+) -> error::Result<()> {
+    let (fronts, sky) = (patches.fronts as u32, patches.len() as u32);
+    let mut wave = known(transport, patches);
+    let mut blocks = Vec::with_capacity(wave.len());
+    let (mut validity, mut buried) = (Vec::new(), Vec::new());
+    observer.begin("transport", transport.receivers.len() as u64);
     while !wave.is_empty() {
-        let blocks_of = wave.par_chunks(BLOCK);
-        let done: Vec<_> =
-            blocks_of.map_init(Desk::default, |desk, texels| method.block(desk, texels, back, observer)).collect();
+        let run = |desk: &mut _, mut task: Task| {
+            reopen(&mut task.before.block, sky);
+            method.block(desk, &task, observer)
+        };
+        let done: Vec<Done> = wave.into_par_iter().map_init(Desk::default, run).collect();
         check(observer)?;
         for done in done {
             blocks.push(done.block);
-            eyes.extend(done.eyes);
+            transport.eyes.extend(done.eyes);
             validity.extend(done.validity);
             buried.extend(done.buried);
-            stats += done.stats;
+            transport.stats += done.stats;
         }
-        wave = method.sight().take_met(&backs);
-        backs.extend_from_slice(&wave);
-        patches.add_backs(&wave);
-        back = true;
-        if !wave.is_empty() {
+        let met = method.sight().take_met(&patches.backs);
+        transport.receivers.extend(patches.len() as u32..(patches.len() + met.len()) as u32);
+        patches.add_backs(&met);
+        if !met.is_empty() {
             // Nobody knew how many backs would be met.
-            memory::fits(options.bytes_of_entries(wave.len(), patches.len()) >> 20, memory::free_mb(), memory::REMEDY)?;
-            observer.begin("transport: backs", wave.len() as u64);
+            memory::fits(options.bytes_of_entries(met.len(), patches.len()) >> 20, memory::free_mb(), memory::REMEDY)?;
+            observer.begin("transport: backs", met.len() as u64);
         }
+        wave = tasks(&met, true);
     }
-    renumber(&mut blocks, texels as u32, &backs, patches.len() as u32);
-    let measured = receivers.iter().copied().chain(texels as u32..patches.len() as u32);
-    for ((patch, validity), buried) in measured.zip(validity).zip(buried) {
+    renumber(&mut blocks, fronts, &patches.backs, patches.len() as u32);
+    for ((&patch, validity), buried) in transport.receivers.iter().zip(validity).zip(buried) {
         patches.validity[patch as usize] = validity;
         patches.buried[patch as usize] = buried;
     }
-    Ok(Measured { rows: Rows::new(blocks), eyes, stats })
+    transport.rows = Rows::new(blocks);
+    Ok(())
+}
+
+/// The receivers that are known, with what was measured of them, which `transport` no longer holds: so it is given back block
+/// by block.
+fn known(transport: &mut Transport, patches: &Patches) -> Vec<Task> {
+    let blocks = std::mem::replace(&mut transport.rows, Rows::new(Vec::new())).into_blocks();
+    if blocks.is_empty() {
+        return tasks(&transport.receivers, false);
+    }
+    let mut eyes = std::mem::take(&mut transport.eyes).into_iter();
+    let mut rest = transport.receivers.as_slice();
+    let task = |block: Block| {
+        let some;
+        (some, rest) = rest.split_at(block.len());
+        let of = |&patch: &u32| patches.texel(patch as usize);
+        let before = Done {
+            eyes: eyes.by_ref().take(block.len()).collect(),
+            validity: some.iter().map(|&p| patches.validity[p as usize]).collect(),
+            buried: some.iter().map(|&p| patches.buried[p as usize]).collect(),
+            stats: Stats::default(),
+            block,
+        };
+        Task { texels: some.iter().map(|p| of(p).0 as u32).collect(), back: of(&some[0]).1, before }
+    };
+    blocks.into_iter().map(task).collect()
+}
+
+fn tasks(texels: &[u32], back: bool) -> Vec<Task> {
+    texels.chunks(BLOCK).map(|some| Task { texels: some.to_vec(), back, before: Done::default() }).collect()
 }
