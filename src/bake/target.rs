@@ -146,8 +146,11 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
         let more = with_rays(options, next);
         // Squares of adaptive receivers halve where rays grow fourfold, if not more.
         let receivers = (4 * lit.transport.receivers.len()).min(ground.coverage.texels.len());
-        let rows = memory::fits(more.transport.bytes_of_rows(receivers) >> 20, plan::free_beside(ground.taken_mb), "");
-        match plan::announce(scene, &ground.atlas, &ground.coverage, &more, ground.taken_mb, observer).and(rows) {
+        // Rows that are kept give way block by block, and leave holes that not all others fit into.
+        let kept = if lit.transport.can_refine(&more.transport) { lit.transport.rows.bytes() } else { 0 };
+        let taken_mb = ground.taken_mb + (kept >> 20);
+        let rows = memory::fits(more.transport.bytes_of_rows(receivers) >> 20, plan::free_beside(taken_mb), "");
+        match plan::announce(scene, &ground.atlas, &ground.coverage, &more, taken_mb, observer).and(rows) {
             Err(Error::Memory { .. }) => break lit,
             other => other?,
         }
