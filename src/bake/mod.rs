@@ -31,7 +31,7 @@ pub struct Options {
     pub atlas: atlas::Options,
     /// How rows are measured. Default: 64 rays each, used again by neighbours.
     pub transport: transport::Options,
-    /// Shadow rays a source where a texel sees part of it, 1..=65536; more at edges, fewer elsewhere. Default: 32.
+    /// Shadow rays a source where a texel sees part of it, 1..=65536; more at edges, fewer elsewhere. Default: 128.
     pub shadow_rays: u32,
     /// Largest reflectance, (0, .9999]. Default: .98.
     pub max_reflectance: f32,
@@ -46,13 +46,24 @@ impl Default for Options {
         Options {
             atlas: atlas::Options::default(),
             transport: transport::Options::default(),
-            shadow_rays: 32,
+            shadow_rays: 128,
             max_reflectance: 0.98,
             radiosity: radiosity::Options::default(),
             content: Content::Full,
         }
     }
 }
+
+impl Options {
+    /// The same with so many rays a row, and twice as many shadow rays, but enough to find edges.
+    pub fn with_rays(self, rays: u32) -> Self {
+        let transport = transport::Options { rays, ..self.transport };
+        Options { transport, shadow_rays: rays.saturating_mul(2).clamp(LEAST_SHADOW_RAYS, 1 << 16), ..self }
+    }
+}
+
+/// Shadow rays a source, at least, however few rays rows have.
+const LEAST_SHADOW_RAYS: u32 = 16;
 
 /// A finished bake, with the rooms that pictures and checks look at again.
 pub struct Baked<'s> {

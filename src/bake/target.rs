@@ -111,7 +111,7 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
         )));
     }
     let first = if target.error.is_some_and(|e| e >= SEEN) { ROUGH } else { FINE };
-    let mut effort = with_rays(options, first);
+    let mut effort = options.clone().with_rays(first);
     let mut ground = Ground::new(scene, &effort, observer)?;
     let most = most_rays(ground.coverage.texels.len(), options, target.most_rays);
     let mut report = TargetReport { error: target.error, ..TargetReport::default() };
@@ -143,7 +143,7 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
         if rays >= most || target.time.is_some_and(|time| start.elapsed() + ahead > time) {
             break lit;
         }
-        let more = with_rays(options, next);
+        let more = options.clone().with_rays(next);
         // Squares of adaptive receivers halve where rays grow fourfold, if not more.
         let receivers = (4 * lit.transport.receivers.len()).min(ground.coverage.texels.len());
         // Rows that are kept give way block by block, and leave holes that not all others fit into.
@@ -165,11 +165,6 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
 
 fn is_black(lit: &Lit) -> bool {
     lit.lightmaps.pages.iter().all(|page| page.irradiance.iter().all(|e| *e == Vec3::ZERO))
-}
-
-fn with_rays(options: &Options, rays: u32) -> Options {
-    let transport = transport::Options { rays, ..options.transport };
-    Options { transport, shadow_rays: rays.max(FINE), ..options.clone() }
 }
 
 /// As many as neighbours can share, and `most`.

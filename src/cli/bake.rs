@@ -163,10 +163,12 @@ fn options(args: &args::Bake) -> Result<Options> {
     let atlas = atlas::Options { unwrap, density, page_size };
     atlas.check()?;
     let radiosity = radiosity::Options { solver: args.solver, bounces: args.bounces };
-    let (form_factors, rays) = (args.form_factors, args.rays.unwrap_or(transport::Options::default().rays));
-    let transport = transport::Options { form_factors, rays, reuse: !args.no_reuse, receivers: args.receivers };
+    let all = Options::default();
+    let (form_factors, reuse, receivers) = (args.form_factors, !args.no_reuse, args.receivers);
+    let transport = transport::Options { form_factors, reuse, receivers, ..all.transport };
     let (max_reflectance, content) = (args.light.max_reflectance, args.content);
-    Ok(Options { atlas, transport, max_reflectance, radiosity, content, ..Options::default() })
+    let options = Options { atlas, transport, max_reflectance, radiosity, content, ..all };
+    Ok(args.rays.map_or(options.clone(), |rays| options.with_rays(rays)))
 }
 
 /// Starts as many threads as are wished for.

@@ -141,7 +141,10 @@ impl Task<'_> {
         };
         let done: Vec<Vec<Received>> = which.par_chunks(CHUNK).map(measured).collect();
         check(observer)?;
-        which.iter().zip(done.iter().flatten()).for_each(|(&i, r)| received[i as usize] = *r);
+        which
+            .iter()
+            .zip(done.iter().flatten())
+            .for_each(|(&i, r)| received[i as usize] = r.after(&received[i as usize]));
         Ok(done.iter().flatten().map(|r| u64::from(r.rays)).sum())
     }
 

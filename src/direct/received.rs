@@ -1,5 +1,6 @@
 //! [`Received`]: the light of all sources at a texel, while it is measured.
 
+use crate::math::luminance;
 use glam::Vec3;
 
 /// What a texel receives from all sources.
@@ -25,6 +26,17 @@ impl Received {
         self.lights + self.hidden + self.emitters + self.sky_peaks
     }
 
+    /// The same, of a texel at which fewer rays have looked before. Rays that agree where those did not do so by chance: then
+    /// the difference tells how far they are off.
+    pub fn after(self, before: &Self) -> Self {
+        if self.variance > 0.0 || before.variance == 0.0 {
+            return self;
+        }
+        let difference = luminance(self.total() - before.total());
+        let (few, many) = (before.rays as f32, self.rays as f32);
+        Received { variance: difference * difference * few / (few + many).max(1.0), mixed: true, ..self }
+    }
+
     /// Each source's light by a function of its own and another's.
     pub fn zip(self, o: &Self, f: impl Fn(Vec3, Vec3) -> Vec3) -> Self {
         let (lights, hidden) = (f(self.lights, o.lights), f(self.hidden, o.hidden));
@@ -35,5 +47,27 @@ impl Received {
             sky_peaks: f(self.sky_peaks, o.sky_peaks),
             ..self
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn agreement_by_chance_is_doubted() {
+        let looked = |light: f32, variance: f32, rays: u32| Received {
+            lights: Vec3::splat(light),
+            variance,
+            mixed: variance > 0.0,
+            rays,
+            ..Received::default()
+        };
+        // None of 16 rays met a light that half of 8 did.
+        let doubtful = looked(0.0, 0.0, 16).after(&looked(6.0, 4.0, 8));
+        assert!(doubtful.mixed && (doubtful.variance - 12.0).abs() < 1e-3, "{}", doubtful.variance);
+        let sure = looked(0.0, 0.0, 16).after(&looked(0.0, 0.0, 8));
+        assert!(!sure.mixed && sure.variance == 0.0);
+        assert_eq!(looked(3.0, 2.0, 16).after(&looked(6.0, 4.0, 8)).variance, 2.0);
     }
 }

@@ -1,9 +1,9 @@
 //! Penumbrae from few rays: a texel in a soft shadow reads a surface fitted to its neighbours' samples.
 //!
 //! Light in a penumbra is smooth, its samples are noisy, each texel's own. A polynomial of second order fitted to a window
-//! of texels keeps a fifth of the noise's variance at the middle (Savitzky and Golay, 1964), and follows a curve, which one
-//! of first order would flatten by as much as the noise hides. What the fit leaves tells whether it may: more than the
-//! noise of the samples is an edge, and the texel keeps its own.
+//! of 5 x 5 texels keeps a fifth of the noise's variance at the middle, of 9 x 9 a sixteenth (Savitzky and Golay, 1964), and
+//! follows a curve, which one of first order would flatten by as much as the noise hides. What the fit leaves tells whether
+//! it may: more than the noise of the samples is an edge; then a smaller window is tried, and at last the texel keeps its own.
 
 use super::received::Received;
 use crate::{
@@ -11,11 +11,12 @@ use crate::{
     math::luminance,
     patches::{Patches, continues},
 };
-use glam::{IVec2, Vec3};
+use glam::{IVec2, Vec2, Vec3};
 use rayon::prelude::*;
+use std::borrow::Cow;
 
-/// Texels from the middle of a window to its edge.
-const REACH: i32 = 2;
+/// Texels from the middle of a window to its edge, the first tried first.
+const REACHES: [i32; 3] = [4, 3, 2];
 /// Texels from which a fit is trusted.
 const ENOUGH: usize = 12;
 /// Polynomials up to second order.
@@ -23,15 +24,20 @@ const ORDER: usize = 6;
 
 /// Fits those of some patches whose own samples disagree.
 pub(super) fn smooth(coverage: &Coverage, patches: &Patches, which: &[u32], received: &mut [Received]) {
-    let fitted: Vec<_> = which.par_iter().map(|&i| (i, fit(coverage, patches, received, i as usize))).collect();
-    fitted.into_iter().filter_map(|(i, r)| Some((i, r?))).for_each(|(i, r)| received[i as usize] = r);
+    let full = REACHES.map(|reach| (reach, basis(&places(reach).map(|d| d.as_vec2()).collect::<Vec<_>>())));
+    let smoothed = |&i: &u32| {
+        let patch = i as usize;
+        if patch >= patches.fronts || received[patch].variance == 0.0 {
+            return None;
+        }
+        let mut windows = full.iter().map(|(reach, full)| Window::around(coverage, patches, patch, *reach, full));
+        windows.find_map(|window| fit(&window, received, patch))
+    };
+    let fitted: Vec<_> = which.par_iter().map(smoothed).collect();
+    which.iter().zip(fitted).filter_map(|(&i, r)| Some((i, r?))).for_each(|(i, r)| received[i as usize] = r);
 }
 
-fn fit(coverage: &Coverage, patches: &Patches, received: &[Received], patch: usize) -> Option<Received> {
-    if patch >= patches.fronts || received[patch].variance == 0.0 {
-        return None;
-    }
-    let window = Window::around(coverage, patches, patch);
+fn fit(window: &Window, received: &[Received], patch: usize) -> Option<Received> {
     let n = window.texels.len();
     if n < ENOUGH {
         return None;
@@ -56,23 +62,51 @@ fn fit(coverage: &Coverage, patches: &Patches, received: &[Received], patch: usi
 }
 
 /// A texel and those around it on the same smooth surface, with orthonormal polynomials over them.
-struct Window {
+struct Window<'w> {
     texels: Vec<u32>,
     /// Which of them is the texel.
     middle: usize,
-    /// Of each polynomial the value at every texel.
-    basis: Vec<Vec<f32>>,
+    basis: Cow<'w, Basis>,
 }
 
-impl Window {
-    fn around(coverage: &Coverage, patches: &Patches, patch: usize) -> Self {
+/// Of each polynomial the value at every place.
+type Basis = [Vec<f32>; ORDER];
+
+/// Places as far as this from the middle, row by row.
+fn places(reach: i32) -> impl Iterator<Item = IVec2> {
+    (-reach..=reach).flat_map(move |y| (-reach..=reach).map(move |x| IVec2::new(x, y)))
+}
+
+/// Orthonormal polynomials over some places (Gram and Schmidt).
+fn basis(places: &[Vec2]) -> Basis {
+    let monomials: [fn(f32, f32) -> f32; ORDER] =
+        [|_, _| 1.0, |x, _| x, |_, y| y, |x, _| x * x, |x, y| x * y, |_, y| y * y];
+    let mut basis = Basis::default();
+    for (k, monomial) in monomials.into_iter().enumerate() {
+        let mut phi: Vec<f32> = places.iter().map(|p| monomial(p.x, p.y)).collect();
+        for other in &basis[..k] {
+            let along: f32 = phi.iter().zip(other).map(|(a, b)| a * b).sum();
+            phi.iter_mut().zip(other).for_each(|(a, b)| *a -= along * b);
+        }
+        let length = phi.iter().map(|a| a * a).sum::<f32>().sqrt();
+        // What the others say already says nothing.
+        let scale = if length > 1e-3 { 1.0 / length } else { 0.0 };
+        phi.iter_mut().for_each(|a| *a *= scale);
+        basis[k] = phi;
+    }
+    basis
+}
+
+impl<'w> Window<'w> {
+    /// `full`: the basis of a window without gaps.
+    fn around(coverage: &Coverage, patches: &Patches, patch: usize, reach: i32, full: &'w Basis) -> Self {
         let texel = coverage.texels[patch];
         let place = |i: usize| [patches.center[i], patches.normal[i]];
         // Half as far again allows for stretched charts.
         let apart = |i: usize, d: IVec2| 1.5 * d.as_vec2().length() * patches.area[i].max(patches.area[patch]).sqrt();
         let beside = |i: usize, d: IVec2| !patches.buried[i] && continues(place(patch), place(i), apart(i, d));
-        let (mut texels, mut places, mut middle) = (Vec::new(), Vec::new(), 0);
-        for d in (-REACH..=REACH).flat_map(|y| (-REACH..=REACH).map(move |x| IVec2::new(x, y))) {
+        let (mut texels, mut found, mut middle) = (Vec::new(), Vec::new(), 0);
+        for d in places(reach) {
             let Some(t) = coverage.texel(texel.page, texel.at.as_ivec2() + d) else { continue };
             if d == IVec2::ZERO {
                 middle = texels.len();
@@ -80,23 +114,9 @@ impl Window {
                 continue;
             }
             texels.push(t);
-            places.push(d.as_vec2());
+            found.push(d.as_vec2());
         }
-        let monomials: [fn(f32, f32) -> f32; ORDER] =
-            [|_, _| 1.0, |x, _| x, |_, y| y, |x, _| x * x, |x, y| x * y, |_, y| y * y];
-        let mut basis: Vec<Vec<f32>> = Vec::with_capacity(ORDER);
-        for monomial in monomials {
-            let mut phi: Vec<f32> = places.iter().map(|p| monomial(p.x, p.y)).collect();
-            for other in &basis {
-                let along: f32 = phi.iter().zip(other).map(|(a, b)| a * b).sum();
-                phi.iter_mut().zip(other).for_each(|(a, b)| *a -= along * b);
-            }
-            let length = phi.iter().map(|a| a * a).sum::<f32>().sqrt();
-            // What the others say already says nothing.
-            let scale = if length > 1e-3 { 1.0 / length } else { 0.0 };
-            phi.iter_mut().for_each(|a| *a *= scale);
-            basis.push(phi);
-        }
+        let basis = if found.len() == full[0].len() { Cow::Borrowed(full) } else { Cow::Owned(basis(&found)) };
         Window { texels, middle, basis }
     }
 }
