@@ -230,7 +230,7 @@ pub struct SolverReport {
     pub residuals: Vec<f64>,
     /// Matrix entries touched until each look.
     pub touched: Vec<u64>,
-    /// Bound on the largest truncation error (irradiance); none for a truncated sum.
+    /// Bound on the largest truncation error (irradiance), of groups of patches where rays are shared; none for a truncated sum.
     pub bound: Option<f64>,
     /// The same, relative to the mean of the darker half.
     pub relative_bound: Option<f64>,

@@ -235,6 +235,22 @@ fn rows_that_nobody_shares_are_refined_too() {
     });
 }
 
+/// Places are kept only where all rays of a row have one; groups are those of the patches that there are.
+#[test]
+fn groups_go_with_the_rays_that_are_shared() {
+    on(sheet(), |ground| {
+        let shared = Options::of(64);
+        let alone = Options { reuse: false, ..shared };
+        let (transport, patches) = ground.refined(ground.measured(&Options::of(16)), &shared);
+        let groups = transport.groups.expect("groups");
+        let members: Vec<u32> = (0..groups.len()).flat_map(|g| groups.members(g).to_vec()).collect();
+        assert_eq!(members.len(), patches.len());
+        assert_eq!(members.into_iter().collect::<HashSet<_>>().len(), patches.len(), "each patch once");
+        let (transport, _) = ground.refined(ground.measured(&Options::of(16)), &alone);
+        assert!(transport.groups.is_none() && transport.eyes.is_empty());
+    });
+}
+
 #[test]
 fn what_cannot_be_refined_is_refused() {
     let plain = Options::of(16);

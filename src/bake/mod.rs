@@ -193,3 +193,15 @@ impl Clock {
         out
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shadow_rays_follow_the_rays() {
+        let shadow_rays = |rays: u32| Options::default().with_rays(rays).shadow_rays;
+        assert_eq!([1, 8, 9, 64, 1 << 16].map(shadow_rays), [16, 16, 18, 128, 1 << 16]);
+        assert_eq!(shadow_rays(transport::Options::default().rays), Options::default().shadow_rays);
+    }
+}

@@ -99,8 +99,12 @@ pub(super) fn announce(
     let entries = |rows: u64| options.transport.bytes_of_entries(rows as usize, texels as usize);
     // A sum of bounces is a plain iteration.
     let solver = options.radiosity.bounces.map_or(options.radiosity.solver, |_| Solver::Jacobi);
+    let grouped = all && options.radiosity.bounces.is_none() && options.transport.shares(texels as usize);
     let need = |backs: u64| {
-        rest + backs * BYTES_A_TEXEL + entries(backs) + solver.bytes(texels + backs, entries(texels + backs))
+        let of_all = entries(texels + backs);
+        // Rows between groups are there beside those of texels while the solver runs.
+        let of_groups = if grouped { of_all } else { 0 };
+        rest + backs * BYTES_A_TEXEL + entries(backs) + of_groups + solver.bytes(texels + backs, of_all)
     };
     let pages = atlas.pages.iter().filter(|p| !p.hidden).count();
     let free_mb = free_beside(taken_mb);

@@ -77,7 +77,7 @@ impl Quality {
     }
 }
 
-/// Rays a texel, and shadow rays a source, to begin with: for errors that are seen, and for others.
+/// Rays a texel to begin with: for errors that are seen, and for others.
 const ROUGH: u32 = 8;
 const FINE: u32 = 16;
 /// Error that is seen.
@@ -115,7 +115,7 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
     let mut ground = Ground::new(scene, &effort, observer)?;
     let most = most_rays(ground.coverage.texels.len(), options, target.most_rays);
     let mut report = TargetReport { error: target.error, ..TargetReport::default() };
-    let mut before = None;
+    let (mut before, mut kept) = (None, 0);
     let lit = loop {
         observer.attempt(effort.transport.rays);
         let began = Instant::now();
@@ -138,8 +138,8 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
             }
         };
         let next = next.min(most);
-        // Time grows no faster than rays; audits take half as long again.
-        let ahead = spent.mul_f64(1.5 * f64::from(next) / f64::from(rays));
+        // Time grows no faster than the rays that are shot; audits take half as long again.
+        let ahead = spent.mul_f64(1.5 * f64::from(next) / f64::from(rays - kept));
         if rays >= most || target.time.is_some_and(|time| start.elapsed() + ahead > time) {
             break lit;
         }
@@ -147,8 +147,9 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
         // Squares of adaptive receivers halve where rays grow fourfold, if not more.
         let receivers = (4 * lit.transport.receivers.len()).min(ground.coverage.texels.len());
         // Rows that are kept give way block by block, and leave holes that not all others fit into.
-        let kept = if lit.transport.can_refine(&more.transport) { lit.transport.rows.bytes() } else { 0 };
-        let taken_mb = ground.taken_mb + (kept >> 20);
+        let refines = lit.transport.can_refine(&more.transport);
+        kept = if refines { rays } else { 0 };
+        let taken_mb = ground.taken_mb + if refines { lit.transport.rows.bytes() >> 20 } else { 0 };
         let rows = memory::fits(more.transport.bytes_of_rows(receivers) >> 20, plan::free_beside(taken_mb), "");
         match plan::announce(scene, &ground.atlas, &ground.coverage, &more, taken_mb, observer).and(rows) {
             Err(Error::Memory { .. }) => break lit,

@@ -134,7 +134,7 @@ impl Trial {
 
 fn by_rays(base: &bake::Options, rays: u32, way: usize) -> Trial {
     let (series, transport) = ways(rays)[way];
-    let options = bake::Options { transport, ..base.clone() };
+    let options = bake::Options { transport, ..base.clone() }.with_rays(rays);
     let cost = 1.3 * f64::from(rays) / f64::from(base.transport.rays) + 0.3;
     trial(Sweep::Rays, series, &format!("{series}, {rays}"), options, cost)
 }

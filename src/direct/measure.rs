@@ -89,7 +89,9 @@ pub(super) fn measure(
     }
     let mixed = some(&|i| task.is_mixed(&received, i));
     observer.begin("direct: shadows", mixed.len() as u64);
+    let probed: Vec<Received> = mixed.iter().map(|&i| received[i as usize]).collect();
     shadow_rays += task.measure(&mixed, &table(rays), &|_| 1, &mut received, observer)?;
+    mixed.iter().zip(&probed).for_each(|(&i, probed)| received[i as usize] = received[i as usize].after(probed));
     smooth(coverage, patches, &mixed, &mut received);
     let wishes: Vec<u8> = (0..patches.len()).into_par_iter().map(|i| task.wish(&received, i)).collect();
     let edges = some(&|i| wishes[i] > 0);
@@ -141,10 +143,7 @@ impl Task<'_> {
         };
         let done: Vec<Vec<Received>> = which.par_chunks(CHUNK).map(measured).collect();
         check(observer)?;
-        which
-            .iter()
-            .zip(done.iter().flatten())
-            .for_each(|(&i, r)| received[i as usize] = r.after(&received[i as usize]));
+        which.iter().zip(done.iter().flatten()).for_each(|(&i, r)| received[i as usize] = *r);
         Ok(done.iter().flatten().map(|r| u64::from(r.rays)).sum())
     }
 

@@ -34,7 +34,7 @@ impl Received {
         }
         let difference = luminance(self.total() - before.total());
         let (few, many) = (before.rays as f32, self.rays as f32);
-        Received { variance: difference * difference * few / (few + many).max(1.0), mixed: true, ..self }
+        Received { variance: difference * difference * few / (few + many).max(1.0), ..self }
     }
 
     /// Each source's light by a function of its own and another's.
@@ -59,15 +59,14 @@ mod tests {
         let looked = |light: f32, variance: f32, rays: u32| Received {
             lights: Vec3::splat(light),
             variance,
-            mixed: variance > 0.0,
             rays,
             ..Received::default()
         };
         // None of 16 rays met a light that half of 8 did.
         let doubtful = looked(0.0, 0.0, 16).after(&looked(6.0, 4.0, 8));
-        assert!(doubtful.mixed && (doubtful.variance - 12.0).abs() < 1e-3, "{}", doubtful.variance);
+        assert!((doubtful.variance - 12.0).abs() < 1e-3, "{}", doubtful.variance);
         let sure = looked(0.0, 0.0, 16).after(&looked(0.0, 0.0, 8));
-        assert!(!sure.mixed && sure.variance == 0.0);
+        assert_eq!(sure.variance, 0.0);
         assert_eq!(looked(3.0, 2.0, 16).after(&looked(6.0, 4.0, 8)).variance, 2.0);
     }
 }

@@ -1,7 +1,7 @@
 //! Penumbrae from few rays: a texel in a soft shadow reads a surface fitted to its neighbours' samples.
 //!
 //! Light in a penumbra is smooth, its samples are noisy, each texel's own. A polynomial of second order fitted to a window
-//! of 5 x 5 texels keeps a fifth of the noise's variance at the middle, of 9 x 9 a sixteenth (Savitzky and Golay, 1964), and
+//! of 5 x 5 texels keeps a sixth of the noise's variance at the middle, of 9 x 9 a twentieth (Savitzky and Golay, 1964), and
 //! follows a curve, which one of first order would flatten by as much as the noise hides. What the fit leaves tells whether
 //! it may: more than the noise of the samples is an edge; then a smaller window is tried, and at last the texel keeps its own.
 

@@ -3,11 +3,12 @@
 use super::{Radiosity, Solver, System, solve::single};
 use crate::{
     error::Result,
-    progress::Observer,
+    progress::{Observer, check},
     transport::{Groups, Transport},
 };
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
+use std::time::Instant;
 
 /// What a group has on average.
 struct Mean {
@@ -27,15 +28,19 @@ impl System<'_> {
         tolerance: f64,
         observer: &dyn Observer,
     ) -> Result<Radiosity> {
+        let start = Instant::now();
         let rows = groups.rows(self.transport);
         let solved = self.grouped(groups, &rows).solve(solver, tolerance, observer)?;
         let at_groups: Vec<DVec3> = solved.indirect.iter().map(|e| e.as_dvec3()).collect();
         let mut x = groups.spread(&at_groups);
         let mut mapped = x.clone();
         let mut report = solved.report;
-        report.entries += self.map(&x, &mut mapped);
+        // Rows of groups were copied.
+        report.entries += self.entries() + self.map(&x, &mut mapped);
         std::mem::swap(&mut x, &mut mapped);
+        check(observer)?;
         report.entries += self.map(&x, &mut mapped);
+        report.seconds = start.elapsed().as_secs_f64();
         Ok(Radiosity { indirect: self.at_patches(&mapped), gathered: single(&self.radiosity(&x)), report })
     }
 

@@ -2,7 +2,8 @@
 //!
 //! The map I -> F (M + rho (D + P I)) is a contraction in the max norm: rows are non-negative and sum to at most 1, and
 //! reflectance is below 1. Any solver is stopped by its *true residual* r: |error| <= |r| times the largest row sum of
-//! the inverse, which [`System::amplification`] bounds. Loop, bound and history live here, once for all solvers. A
+//! the inverse, which [`System::amplification`] bounds. Where neighbours share rays, this is the system of their groups
+//! (`grouped`), and every patch gathers twice from its solution. Loop, bound and history live here, once for all solvers. A
 //! given number of bounces is the truncated Neumann sum instead, which no solver changes and no bound describes.
 
 mod anderson;
@@ -106,8 +107,7 @@ impl Radiosity {
         let extra = self.sampled(direct);
         let mut own = self.by_rows(transport, extra);
         let neighbours = Neighbours { transport, tracer, coverage, patches };
-        let gather = reuse::Gather { neighbours, radiosity: &self.gathered };
-        gather.run(&mut own, observer)?;
+        reuse::Gather::new(neighbours, &self.gathered).run(&mut own, observer)?;
         self.spread(transport, &own, extra);
         Ok(())
     }

@@ -74,7 +74,8 @@ impl Groups {
         self.of.par_iter().map(|&group| at_groups[group as usize]).collect()
     }
 
-    /// Rows from groups to groups and the sky, by the rays of all their members.
+    /// Rows from groups to groups and the sky, by the rays of all their members: each ray counts the same, so that entries need
+    /// no weights, though members may differ in area.
     pub fn rows(&self, transport: &Transport) -> Transport {
         let (patches, n) = (transport.patches as u32, self.len() as u32);
         let groups: Vec<usize> = (0..self.len()).collect();

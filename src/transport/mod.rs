@@ -292,10 +292,8 @@ impl Transport {
         (known..self.receivers.len()).for_each(|back| self.interpolation.add_own(back as u32));
         self.patches = patches.len();
         self.rays = if options.form_factors == FormFactors::Rays { options.rays } else { 0 };
-        if !self.eyes.is_empty() && matches!(self.interpolation, Interpolation::Identity) {
-            let neighbours = Neighbours { transport: &self, tracer, coverage, patches };
-            self.groups = Some(Groups::new(&neighbours));
-        }
+        let shared = !self.eyes.is_empty() && matches!(self.interpolation, Interpolation::Identity);
+        self.groups = shared.then(|| Groups::new(&Neighbours { transport: &self, tracer, coverage, patches }));
         debug_assert!(self.validate(patches).is_ok(), "{:?}", self.validate(patches));
         Ok(self)
     }

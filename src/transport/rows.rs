@@ -6,7 +6,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use std::{iter::Sum, ops::Mul};
 
-/// Rows in blocks, so that they are measured in parallel and never copied.
+/// Rows in blocks, so that they are measured in parallel, and given back block by block.
 #[derive(Clone, Debug)]
 pub struct Rows {
     blocks: Vec<Block>,

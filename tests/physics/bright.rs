@@ -31,8 +31,8 @@ pub(super) struct Rooms {
     pub(super) patches: Patches,
     pub(super) transport: Transport,
     pub(super) direct: Direct,
-    sky: Vec<Vec3>,
-    gathered: bool,
+    pub(super) sky: Vec<Vec3>,
+    pub(super) gathered: bool,
 }
 
 impl Rooms {

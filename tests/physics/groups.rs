@@ -5,7 +5,11 @@ use super::{
     *,
 };
 use crate::common::scenes::rectangle;
-use luxel::transport::Groups;
+use luxel::{
+    progress::Silent,
+    radiosity::{Radiosity, Solver},
+    transport::Groups,
+};
 
 /// Reflectance .8: what is reflected again and again is most of the light.
 #[test]
@@ -19,6 +23,42 @@ fn groups_of_texels_bounce_as_texels_do() {
     let mean = by_texels.iter().sum::<f64>() / by_texels.len() as f64;
     let square = by_groups.iter().zip(&by_texels).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / by_texels.len() as f64;
     assert!(square.sqrt() < 0.004 * mean, "{} of {mean}", square.sqrt());
+}
+
+/// Every solver, on a room with a box in it: groups are few enough for the dense one.
+#[test]
+fn all_solvers_agree_on_groups() {
+    let mut stage = Stage::new();
+    let (wall, block) =
+        (stage.rgb(vec3(0.8, 0.5, 0.2), Vec3::ZERO, false), stage.rgb(Vec3::splat(0.3), Vec3::ONE, true));
+    furnished(&mut stage, wall, block, 12);
+    let rooms = Rooms::new(stage, 64);
+    let [first, others @ ..] = Solver::ALL.map(|solver| {
+        let options = radiosity::Options { solver, bounces: None };
+        let (sky, gathered) = (&rooms.sky, rooms.gathered);
+        let found = Radiosity::solve(&rooms.transport, &rooms.patches, &rooms.direct, sky, gathered, &options, &Silent);
+        let found = found.expect("a solution");
+        assert!(found.report.converged, "{}", found.report.name);
+        found.indirect
+    });
+    let mean = first.iter().map(|e| grey(*e)).sum::<f64>() / first.len() as f64;
+    for (found, solver) in others.iter().zip(&Solver::ALL[1..]) {
+        let off = found.iter().zip(&first).map(|(a, b)| (grey(*a) - grey(*b)).abs()).fold(0.0, f64::max);
+        assert!(off < 1e-3 * mean, "{}: {off} of {mean}", solver.name());
+    }
+}
+
+/// In a closed room in which everything shines and reflects alike, every row sums to 1: E = M / (1 - rho), exactly.
+#[test]
+fn a_furnace_of_groups_is_even() {
+    let mut stage = Stage::new();
+    let wall = stage.material(0.75, 1.0);
+    unit_room().all(&mut stage, wall, 13);
+    let rooms = Rooms::new(stage, 16);
+    assert!(rooms.transport.groups.is_some());
+    let indirect = rooms.indirect(&rooms.direct, None);
+    let off = indirect.iter().map(|e| (e / 4.0 - 1.0).abs()).fold(0.0, f64::max);
+    assert!(off < 1e-3, "{off}");
 }
 
 /// A sheet stands on a floor, between texels of one chart.

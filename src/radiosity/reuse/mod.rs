@@ -8,6 +8,8 @@
 //! Margins overlap, so most texels have a value of more than one pool. They take the mean, weighed by how far inside each
 //! they lie: an eighth less noise for nothing, and no step where one pool ends.
 
+mod ends;
+mod far;
 mod pool;
 mod shrink;
 mod trend;
@@ -55,12 +57,27 @@ struct Found {
 
 /// What the last gather needs to know.
 pub(super) struct Gather<'a> {
-    pub neighbours: Neighbours<'a>,
-    /// Radiosity of every column.
-    pub radiosity: &'a [Vec3],
+    neighbours: Neighbours<'a>,
+    /// What rays may meet; what is [dark](crate::transport::DARK) is none of it.
+    columns: Vec<Column>,
 }
 
-impl Gather<'_> {
+/// What a ray has met.
+#[derive(Clone, Copy, Default)]
+struct Column {
+    radiosity: Vec3,
+    /// Nothing of what faces whoever sees it.
+    normal: Vec3,
+}
+
+impl<'a> Gather<'a> {
+    /// `radiosity`: of every column.
+    pub fn new(neighbours: Neighbours<'a>, radiosity: &[Vec3]) -> Self {
+        let normal = |i: usize| neighbours.patches.normal.get(i).copied().unwrap_or_default();
+        let column = |(i, &radiosity)| Column { radiosity, normal: normal(i) };
+        Gather { columns: radiosity.par_iter().enumerate().map(column).collect(), neighbours }
+    }
+
     /// Replaces the irradiance of receivers that are fronts by what their neighbours' rays make of it.
     pub fn run(&self, irradiance: &mut [Vec3], observer: &dyn Observer) -> Result<()> {
         let Neighbours { transport, coverage, .. } = self.neighbours;
