@@ -25,7 +25,7 @@ use rayon::prelude::*;
 /// Texels that one task takes.
 const CHUNK: usize = 256;
 /// Points at which closed forms are averaged over the texel, and over one where these differ.
-const EXACT_POINTS: usize = 8;
+const EXACT_POINTS: usize = 4;
 const NEAR_POINTS: usize = 64;
 /// Part of the noise that asks for more rays that may come from there.
 const NEAR_NOISE: f32 = 0.25;
