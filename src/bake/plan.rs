@@ -21,6 +21,8 @@ const BYTES_A_TEXEL: u64 = 340;
 const BYTES_A_TRIANGLE: u64 = 50;
 const BYTES_A_STORED_TRIANGLE: u64 = 300;
 const BYTES_A_PIXEL: u64 = 40;
+/// Texels of a group of up to 16, at least, on average.
+const LEAST_OF_GROUP: u64 = 4;
 /// For a texel that reads receivers.
 const BYTES_OF_WEIGHTS: u64 = 40;
 /// While the lit file is written.
@@ -95,7 +97,7 @@ pub(super) fn announce(
     let rays = texels * options.transport.rays_of_row();
     let all = options.transport.receivers == Receivers::All;
     let of_scene = bytes_of_triangles(scene) + pixels(atlas) * BYTES_A_PIXEL + BYTES_OF_PROGRAM;
-    let rest = of_scene + bytes_of_pools(options, atlas, texels) + texels * bytes_a_texel(options, texels);
+    let rest = of_scene + texels * bytes_a_texel(options, texels);
     let entries = |rows: u64| options.transport.bytes_of_entries(rows as usize, texels as usize);
     // A sum of bounces is a plain iteration.
     let solver = options.radiosity.bounces.map_or(options.radiosity.solver, |_| Solver::Jacobi);
@@ -103,8 +105,11 @@ pub(super) fn announce(
     let need = |backs: u64| {
         let of_all = entries(texels + backs);
         // Rows between groups are there beside those of texels while the solver runs.
-        let of_groups = if grouped { of_all } else { 0 };
-        rest + backs * BYTES_A_TEXEL + entries(backs) + of_groups + solver.bytes(texels + backs, of_all)
+        let (unknowns, of_groups) =
+            if grouped { (texels / LEAST_OF_GROUP + backs, of_all) } else { (texels + backs, 0) };
+        // Pools take what the solver has given back.
+        let solving = (of_groups + solver.bytes(unknowns, of_all)).max(bytes_of_pools(options, atlas, texels));
+        rest + backs * BYTES_A_TEXEL + entries(backs) + solving
     };
     let pages = atlas.pages.iter().filter(|p| !p.hidden).count();
     let free_mb = free_beside(taken_mb);
