@@ -138,8 +138,8 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
             }
         };
         let next = next.min(most);
-        // Time grows no faster than the rays that are shot; audits take half as long again.
-        let ahead = spent.mul_f64(1.5 * f64::from(next) / f64::from(rays - kept));
+        // Audits take half as long again.
+        let ahead = spent.mul_f64(1.5 * growth(kept, rays, next));
         if rays >= most || target.time.is_some_and(|time| start.elapsed() + ahead > time) {
             break lit;
         }
@@ -166,6 +166,13 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
 
 fn is_black(lit: &Lit) -> bool {
     lit.lightmaps.pages.iter().all(|page| page.irradiance.iter().all(|e| *e == Vec3::ZERO))
+}
+
+/// Time of the attempt after one that kept some of its rays, over that one's, at most: of what is kept the rays that are
+/// shot count, of all else those that are used.
+fn growth(kept: u32, rays: u32, next: u32) -> f64 {
+    let shot = f64::from(next.saturating_sub(rays)) / f64::from(rays - kept);
+    shot.max(f64::from(next) / f64::from(rays))
 }
 
 /// As many as neighbours can share, and `most`.
@@ -235,6 +242,14 @@ mod tests {
         assert_eq!(more_rays(16, 0.9), 32);
         assert_eq!(more_rays(16, 1.5), 64);
         assert_eq!(more_rays(16, 1000.0), 16 * LEAP);
+    }
+
+    #[test]
+    fn time_grows_with_the_rays_that_are_shot_or_used() {
+        assert_eq!(
+            [growth(0, 16, 32), growth(16, 32, 64), growth(16, 32, 128), growth(16, 64, 128)],
+            [2.0, 2.0, 6.0, 2.0]
+        );
     }
 
     #[test]
