@@ -180,12 +180,12 @@ pub struct FormFactorReport {
     pub reciprocity: Option<f64>,
 }
 
-/// Rays of the form-factor rows.
+/// Rays of the form-factor rows, and those that texels were given that share with too few.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct RayReport {
-    /// Rays traced for rows.
+    /// Rays traced.
     pub traced: u64,
-    /// Rays per second.
+    /// Rays of rows per second.
     pub per_second: f64,
     /// Rays that left the scene.
     pub escaped: u64,

@@ -19,7 +19,7 @@ use crate::{
     report::{EnergyReport, Report},
     scene::{Scene, World},
     trace::Tracer,
-    transport::{self, Transport},
+    transport::{self, Stats, Transport},
 };
 use glam::Vec3;
 use std::time::Instant;
@@ -109,6 +109,8 @@ struct Ground<'s> {
 struct Lit {
     patches: Patches,
     transport: Transport,
+    /// Rays beside those of rows.
+    added: Stats,
     direct: Direct,
     radiosity: Radiosity,
     energy: EnergyReport,
@@ -154,13 +156,15 @@ impl<'s> Ground<'s> {
             Radiosity::solve(&transport, &patches, &direct, &sky, sources.gathered, &options.radiosity, observer)
         })?;
         let energy = energy::balance(&patches, &transport, &direct, &sky, &radiosity);
+        let mut added = Stats::default();
         if !transport.eyes.is_empty() {
-            clock.time("reuse", || radiosity.reuse(&transport, tracer, coverage, &patches, &direct, observer))?;
+            added =
+                clock.time("reuse", || radiosity.reuse(&transport, tracer, coverage, &patches, &direct, observer))?;
         }
         let lightmaps = clock.time("lightmaps", || {
             Lightmaps::new(&tracer.world, atlas, coverage, &patches, &direct, &radiosity, options.content)
         });
-        Ok(Lit { patches, transport, direct, radiosity, energy, lightmaps })
+        Ok(Lit { patches, transport, added, direct, radiosity, energy, lightmaps })
     }
 
     fn baked(mut self, lit: Lit, options: &Options) -> Baked<'s> {

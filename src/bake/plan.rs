@@ -161,12 +161,14 @@ pub(super) fn describe(r: &mut Report, ground: &Ground, lit: &Lit, options: &Opt
     let adaptive = options.transport.receivers == Receivers::Auto;
     r.adaptive_rays = adaptive.then_some(options.transport.rays);
     let seconds = r.seconds.iter().find(|s| s.0 == "transport").map_or(0.0, |s| s.1);
+    let mut rays = transport.stats;
+    rays += lit.added;
     r.rays = RayReport {
-        traced: transport.stats.traced,
+        traced: rays.traced,
         per_second: transport.stats.traced as f64 / seconds.max(1e-9),
-        escaped: transport.stats.escaped,
-        blocked: transport.stats.dark,
-        lost: transport.stats.lost,
+        escaped: rays.escaped,
+        blocked: rays.dark,
+        lost: rays.lost,
         shadow: direct.shadow_rays,
     };
     let form_factors = options.transport.form_factors;

@@ -219,7 +219,7 @@ fn audited(
     longer: u64,
     observer: &dyn Observer,
 ) -> Result<Audit> {
-    let rays = lit.transport.stats.traced + lit.direct.shadow_rays;
+    let rays = lit.transport.stats.traced + lit.added.traced + lit.direct.shadow_rays;
     let budget = Budget::Rays(LEAST.max(rays / SHARE) * longer);
     let Ground { tracer, coverage, clock, .. } = ground;
     let subject = Subject { tracer, coverage, lightmaps: &lit.lightmaps, max_reflectance: options.max_reflectance };

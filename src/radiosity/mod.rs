@@ -34,7 +34,7 @@ use crate::{
     progress::Observer,
     report::SolverReport,
     trace::Tracer,
-    transport::{Interpolation, Neighbours, Transport},
+    transport::{Interpolation, Neighbours, Stats, Transport},
 };
 use glam::{DVec3, Vec3};
 use solve::single;
@@ -103,13 +103,13 @@ impl Radiosity {
         patches: &Patches,
         direct: &Direct,
         observer: &dyn Observer,
-    ) -> Result<()> {
+    ) -> Result<Stats> {
         let extra = self.sampled(direct);
         let mut own = self.by_rows(transport, extra);
         let neighbours = Neighbours { transport, tracer, coverage, patches };
-        reuse::Gather::new(neighbours, &self.gathered).run(&mut own, observer)?;
+        let stats = reuse::Gather::new(neighbours, &self.gathered).run(&mut own, observer)?;
         self.spread(transport, &own, extra);
-        Ok(())
+        Ok(stats)
     }
 
     /// What is sampled of the first bounce is none of the rows', and not there without a bounce.

@@ -24,7 +24,7 @@ pub use check::Checked;
 pub use form_factors::FormFactors;
 pub use groups::Groups;
 pub use neighbours::Neighbours;
-pub use rays::rays_of_rows;
+pub use rays::{rays_of_rows, sample};
 pub use rows::{DARK, Ends, Row, Rows};
 
 use crate::{

@@ -7,11 +7,11 @@
 //! is asked anew; a texel is enclosed altogether if it was to all lots of rays, and its row is the last lot's then.
 
 use super::{
-    Eye, Options, Stats, Transport,
+    Eye, Neighbours, Options, Row, Stats, Transport,
     draft::{Behind, Draft},
     receiver::Receiver,
     rows::{BLOCK, Block},
-    sight::{End, Sight},
+    sight::{End, Numbering, Sight},
     waves::{self, Desk, Done, Method, Task},
 };
 use crate::{
@@ -19,10 +19,11 @@ use crate::{
     error::Result,
     math::{Point, PointTable, hash},
     patches::{Patches, SurfacePoint},
-    progress::Observer,
+    progress::{Observer, check},
     trace::{NOWHERE, Ray, Tracer},
 };
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// In place of a column while it is not known whether the ray counts.
@@ -50,14 +51,46 @@ pub(super) fn measure(
     observer: &dyn Observer,
 ) -> Result<()> {
     let fronts = transport.receivers.partition_point(|&patch| (patch as usize) < patches.fronts);
-    let shooter = Shooter::new(tracer, coverage, transport.rays..options.rays, options.shares(fronts));
+    let (first, more) = (Lot::new(0..options.rays), Lot::new(transport.rays..options.rays));
+    let shooter = Shooter::new(tracer, coverage, first, more, options.shares(fronts));
     waves::measure(&shooter, patches, transport, options, observer)
+}
+
+/// What `of` makes of other rays of some fronts, `part` of a row that grows; `None` where all of them begin enclosed. Backs that
+/// no row stands for are dark.
+pub fn sample<T: Send>(
+    neighbours: &Neighbours,
+    fronts: &[u32],
+    part: Range<u32>,
+    of: impl Fn(Row) -> T + Sync,
+    observer: &dyn Observer,
+) -> Result<(Vec<Option<T>>, Stats)> {
+    let Neighbours { transport, tracer, coverage, patches } = *neighbours;
+    let texels: Vec<u32> = fronts.iter().map(|&r| transport.receivers[r as usize]).collect();
+    let shooter = Shooter::new(tracer, coverage, Lot::new(part.clone()), Lot::new(part), false);
+    let columns = Numbering::new(patches.fronts as u32, &patches.backs);
+    observer.begin("reuse: more rays", texels.len() as u64);
+    let run = |desk: &mut _, task: Task| {
+        let mut done = shooter.block(desk, &task, observer);
+        columns.settle(&mut done.block);
+        let told = done.block.rows().zip(&done.buried).map(|(row, buried)| (!buried).then(|| of(row)));
+        (told.collect(), done.stats)
+    };
+    let done: Vec<(Vec<Option<T>>, Stats)> =
+        waves::tasks(&texels, false).into_par_iter().map_init(Desk::default, run).collect();
+    check(observer)?;
+    let (mut out, mut stats) = (Vec::with_capacity(texels.len()), Stats::default());
+    for (some, of_some) in done {
+        out.extend(some);
+        stats += of_some;
+    }
+    Ok((out, stats))
 }
 
 /// The rays of the fronts' rows, in the order in which [`Transport::measure`](super::Transport::measure) shoots them
 /// first: for benchmarks.
 pub fn rays_of_rows(tracer: &Tracer, coverage: &Coverage, rays: u32) -> Vec<Ray> {
-    let (sight, lot) = (Sight::new(tracer, coverage), Lot::new(0..rays as usize));
+    let (sight, lot) = (Sight::new(tracer, coverage), Lot::new(0..rays));
     let texels: Vec<u32> = (0..coverage.texels.len() as u32).collect();
     let (mut out, mut desk) = (Vec::with_capacity(texels.len() * lot.rays()), Desk::default());
     for texels in texels.chunks(BLOCK) {
@@ -73,8 +106,8 @@ struct Shooter<'a> {
     sight: Sight<'a>,
     /// Whether the places at which rays of fronts end are kept.
     keep: bool,
-    /// All rays of a row, and those that rows lack that are there.
-    all: Lot,
+    /// Rays of rows that have none yet, and those that the others lack.
+    first: Lot,
     more: Lot,
 }
 
@@ -89,7 +122,8 @@ struct Lot {
 }
 
 impl Lot {
-    fn new(part: Range<usize>) -> Self {
+    fn new(part: Range<u32>) -> Self {
+        let part = part.start as usize..part.end as usize;
         let table = |seed: u32| PointTable::part(part.clone(), seed);
         let (table, again) = (table(0x7261_7973).by_direction(), table(0x6167_6169));
         Lot { part, table, again }
@@ -139,10 +173,9 @@ impl Lot {
 }
 
 impl<'a> Shooter<'a> {
-    /// For rows that have the rays before `part`, or none.
-    fn new(tracer: &'a Tracer<'a>, coverage: &'a Coverage, part: Range<u32>, keep: bool) -> Self {
-        let [start, end] = [part.start, part.end].map(|rays| rays as usize);
-        Shooter { sight: Sight::new(tracer, coverage), keep, all: Lot::new(0..end), more: Lot::new(start..end) }
+    /// `first` for rows that have no rays yet, `more` for those that have.
+    fn new(tracer: &'a Tracer<'a>, coverage: &'a Coverage, first: Lot, more: Lot, keep: bool) -> Self {
+        Shooter { sight: Sight::new(tracer, coverage), keep, first, more }
     }
 
     /// Decides about the points that may be enclosed, and shoots more rays for those that are. `open`: of the rays before, how
@@ -232,12 +265,12 @@ impl Method for Shooter<'_> {
     fn block<'s>(&'s self, desk: &mut Desk<'s>, task: &Task, observer: &dyn Observer) -> Done {
         let Task { texels, back, before } = task;
         let n = texels.len();
-        let mut done = Done { block: Block::with_capacity(n * self.all.rays()), ..Done::default() };
+        let mut done = Done { block: Block::with_capacity(n * self.first.rays()), ..Done::default() };
         if observer.cancelled() {
             return done;
         }
         let keep = self.keep && !back;
-        let lot = if before.block.is_empty() { &self.all } else { &self.more };
+        let lot = if before.block.is_empty() { &self.first } else { &self.more };
         let (receivers, rows) = desk.clear(&self.sight, &lot.table, texels, *back);
         let nowhere = Ray { origin: Vec3::ZERO, direction: Vec3::Z, key: 0, from: NOWHERE };
         let (mut rays, mut hits) = (vec![nowhere; n * TOGETHER], vec![None; n * TOGETHER]);

@@ -12,7 +12,6 @@ use crate::{
     trace::{Hit, Ray, Tracer},
 };
 use glam::Vec3;
-use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// Entries before all backs are known: a texel's front, its back, or a cell of the sky.
@@ -104,20 +103,32 @@ pub(super) fn reopen(block: &mut Block, sky: u32) {
     block.columns_mut().filter(|c| **c >= sky).for_each(|c| *c = SKY | (*c - sky));
 }
 
-/// Gives backs and cells of the sky their columns: fronts, backs in order, then the sky.
-pub(super) fn renumber(blocks: &mut [Block], texels: u32, backs: &[u32], sky: u32) {
-    let mut column_of = vec![0u32; if backs.is_empty() { 0 } else { texels as usize }];
-    for (k, &t) in backs.iter().enumerate() {
-        column_of[t as usize] = texels + k as u32;
+/// Which columns backs and cells of the sky have: fronts, backs in order, then the sky.
+pub(super) struct Numbering {
+    /// By texel; empty if there are no backs.
+    of_back: Vec<u32>,
+    sky: u32,
+}
+
+impl Numbering {
+    /// `backs`: the texels whose backs have columns; others are dark.
+    pub fn new(texels: u32, backs: &[u32]) -> Self {
+        let mut of_back = vec![DARK; if backs.is_empty() { 0 } else { texels as usize }];
+        for (k, &t) in backs.iter().enumerate() {
+            of_back[t as usize] = texels + k as u32;
+        }
+        Numbering { of_back, sky: texels + backs.len() as u32 }
     }
-    blocks.par_iter_mut().for_each(|block| {
+
+    /// Gives a block its columns.
+    pub fn settle(&self, block: &mut Block) {
         for c in block.columns_mut() {
             if *c & SKY != 0 {
                 debug_assert!(*c & !SKY < CELLS);
-                *c = sky + (*c & !SKY);
+                *c = self.sky + (*c & !SKY);
             } else if *c & BACK != 0 {
-                *c = column_of[(*c & !BACK) as usize];
+                *c = self.of_back.get((*c & !BACK) as usize).copied().unwrap_or(DARK);
             }
         }
-    });
+    }
 }

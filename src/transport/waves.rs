@@ -6,7 +6,7 @@ use super::{
     draft::Draft,
     receiver::Receiver,
     rows::{BLOCK, Block, Rows},
-    sight::{Sight, renumber, reopen},
+    sight::{Numbering, Sight, reopen},
 };
 use crate::{
     error,
@@ -108,7 +108,8 @@ pub(super) fn measure(
         }
         wave = tasks(&met, true);
     }
-    renumber(&mut blocks, fronts, &patches.backs, patches.len() as u32);
+    let columns = Numbering::new(fronts, &patches.backs);
+    blocks.par_iter_mut().for_each(|block| columns.settle(block));
     for ((&patch, validity), buried) in transport.receivers.iter().zip(validity).zip(buried) {
         patches.validity[patch as usize] = validity;
         patches.buried[patch as usize] = buried;
@@ -142,6 +143,7 @@ fn known(transport: &mut Transport, patches: &Patches) -> Vec<Task> {
     blocks.into_iter().map(task).collect()
 }
 
-fn tasks(texels: &[u32], back: bool) -> Vec<Task> {
+/// Those of rows that are not there yet.
+pub(super) fn tasks(texels: &[u32], back: bool) -> Vec<Task> {
     texels.chunks(BLOCK).map(|some| Task { texels: some.to_vec(), back, before: Done::default() }).collect()
 }

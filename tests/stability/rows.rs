@@ -1,7 +1,7 @@
 //! Rows of every estimator: no sum is above 1; what was scaled is told, what is wrong is refused.
 
 use crate::common::{
-    bakes::{Parts, grey, options, parts, try_shoot},
+    bakes::{Parts, grey, options, parts, shoot_with, try_shoot},
     scenes::{FACES, Face, furnished, rectangle, unit_room},
     stage::Stage,
     ways::{Runs, Way},
@@ -123,7 +123,7 @@ fn relit(scenes: &[Scene], coverage: &Coverage, options: &bake::Options) -> Vec<
     scenes.iter().map(light).collect()
 }
 
-/// Rows that are kept relight a scene to the bit, without a ray of theirs.
+/// Rows that are kept relight a scene to the bit, without a ray of theirs: only texels that share with too few ask again.
 #[test]
 fn one_transport_serves_every_light() {
     let lit = |strength: f32| {
@@ -151,4 +151,27 @@ fn one_transport_serves_every_light() {
             }
         }
     }
+}
+
+/// Cards of 3 x 3 texels before a black wall without end: half of the sky. None has neighbours enough to share with, so each
+/// has four times the rays, and about half the noise at most.
+#[test]
+fn texels_that_are_alone_have_more_rays() {
+    let found = |reuse: bool| {
+        let mut stage = Stage::new();
+        let black = stage.material(0.0, 0.0);
+        let far = 1e4;
+        rectangle(&mut stage, black, [vec3(0.0, far, far), Vec3::Y * (-2.0 * far), Vec3::Z * (-2.0 * far)], UVec2::ONE);
+        for k in 0..40 {
+            let corner = vec3(1.0 + (k % 8) as f32, 0.0, (k / 8) as f32);
+            rectangle(&mut stage, black, [corner, Vec3::Z * 0.05, Vec3::X * 0.05], UVec2::splat(3));
+        }
+        stage.scene.sky = Sky::Uniform(Vec3::splat(2.0 / std::f32::consts::PI));
+        let transport = Options { reuse, ..Options::of(16) };
+        let shot = shoot_with(stage, bake::Options { transport, ..options(16) });
+        let squares = (1..=40).flat_map(|card| shot.values(card)).map(|e| (grey(e) - 1.0).powi(2)).sum::<f64>();
+        (squares / 360.0, shot.baked.report.rays.traced)
+    };
+    let ((more, rays_of_more), (once, rays)) = (found(true), found(false));
+    assert!(rays_of_more == 4 * rays && more < 0.3 * once, "{more} by {rays_of_more} rays, {once} by {rays}");
 }

@@ -4,7 +4,7 @@
 //! something else. Their difference is shrunk by the share of it that noise explains: James and Stein, "Estimation with
 //! Quadratic Loss" (1961), the positive part, for all of a pool; for one texel, where noise hardly ever is so large.
 
-use super::{ENOUGH, Sample};
+use super::Sample;
 use crate::math::luminance;
 use glam::Vec3;
 
@@ -17,8 +17,7 @@ pub(super) fn of(samples: &[Sample]) -> Vec<Vec3> {
     let square = |v: Vec3| luminance(v) * luminance(v);
     let noise: f32 = samples.iter().map(|s| s.noise).sum();
     let all: f32 = samples.iter().map(|s| square(difference(s))).sum();
-    // Few say too little of how far apart they are by chance.
-    let left = |noise: f32, all: f32| if samples.len() < ENOUGH || noise >= all { 0.0 } else { 1.0 - noise / all };
+    let left = |noise: f32, all: f32| if noise >= all { 0.0 } else { 1.0 - noise / all };
     // A texel none of whose rays met the light knows nothing of its noise.
     let least = noise / samples.len() as f32;
     let of_all = left(noise, all);

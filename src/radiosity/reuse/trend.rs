@@ -4,7 +4,7 @@
 //! degrees, the sky behind a window's frame, that flattens the light across the pool. Their own rays tell so: noisy one by
 //! one, but on a straight line all together.
 
-use super::{ENOUGH, Sample};
+use super::Sample;
 use crate::math::luminance;
 use glam::{Mat2, Vec2, Vec3};
 
@@ -12,11 +12,8 @@ use glam::{Mat2, Vec2, Vec3};
 /// pools (the F-test; with two degrees of freedom its quantiles have a closed form).
 const RARE: f32 = 500.0;
 
-/// What to add to the shared value at a place; `None` where chance explains all of it.
+/// What to add to the shared value at a place; `None` where chance explains all of it. More than three samples.
 pub(super) fn of(samples: &[Sample]) -> Option<impl Fn(Vec2) -> Vec3 + use<>> {
-    if samples.len() < ENOUGH {
-        return None;
-    }
     let share = 1.0 / samples.len() as f32;
     let middle = samples.iter().map(|s| s.at).sum::<Vec2>() * share;
     let mean = samples.iter().map(|s| s.own - s.shared).sum::<Vec3>() * share;
@@ -71,7 +68,6 @@ mod tests {
         let found = (0..1000).filter(|&seed| of(&few(seed)).is_some()).count();
         assert!(found < 10, "{found} of 1000 are trends");
         assert!(of(&samples(|_| 0.0, 0.0, 0)).is_none());
-        assert!(of(&samples(|at| at.x, 0.0, 0)[..ENOUGH - 1]).is_none());
     }
 
     /// Receivers in a row say nothing across it.
