@@ -341,8 +341,8 @@ mod tests {
         let told =
             |rays, reuse, texels| unshared(&transport::Options { reuse, ..transport::Options::of(rays) }, texels);
         assert_eq!(told(64, true, 1 << 26), "");
-        assert_eq!(told(92, true, 727_508), "");
-        assert!(told(93, true, 727_508).contains("up to 92 a texel"));
-        assert_eq!(told(93, false, 727_508), "");
+        assert_eq!(told(368, true, 727_508), "");
+        assert!(told(369, true, 727_508).contains("up to 368 a texel"));
+        assert_eq!(told(369, false, 727_508), "");
     }
 }

@@ -255,7 +255,7 @@ mod tests {
     #[test]
     fn rays_end_where_neighbours_cannot_share_them() {
         let options = Options::default();
-        assert_eq!([1000, 1 << 19, 1 << 24].map(|texels| most_rays(texels, &options, 1024)), [1024, 128, 64]);
+        assert_eq!([1000, 1 << 19, 1 << 24].map(|texels| most_rays(texels, &options, 1024)), [1024, 512, 64]);
         assert_eq!(most_rays(1000, &options, 64), 64);
     }
 }

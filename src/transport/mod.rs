@@ -69,7 +69,7 @@ pub struct Options {
     /// Rays a row, 1..=65536, but for hemicubes, which have as many as pixels. Default: 64.
     pub rays: u32,
     /// Whether neighbours use each other's rays in the last gather, if rows are of rays and have at most 64 or all together
-    /// at most 2^26. Default: true.
+    /// at most 2^28. Default: true.
     pub reuse: bool,
     /// Which texels have rows of their own. Default: all.
     pub receivers: Receivers,
@@ -145,7 +145,7 @@ impl Options {
 
 /// Rays of a row, and of all rows, that neighbours use.
 const SHARED: u32 = 64;
-const SHARED_IN_ALL: u64 = 1 << 26;
+const SHARED_IN_ALL: u64 = 1 << 28;
 
 /// A receiver as its neighbours see it.
 #[derive(Clone, Copy, Debug)]
