@@ -6,7 +6,7 @@ use sysinfo::{MemoryRefreshKind, Process, ProcessRefreshKind, ProcessesToUpdate,
 const MB: u64 = 1 << 20;
 
 /// What to change where a bake needs more than there is.
-pub const REMEDY: &str = "lower --resolution or --texels-per-meter, or --rays";
+pub const REMEDY: &str = "lower --resolution or --texels-per-meter, or --rays, or add --no-reuse";
 
 /// Refuses what needs more than there is; `remedy`: what to change.
 pub fn fits(need_mb: u64, free_mb: u64, remedy: &str) -> Result<()> {

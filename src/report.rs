@@ -183,7 +183,7 @@ pub struct FormFactorReport {
 /// Rays of the form-factor rows, and those that texels were given that share with too few.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct RayReport {
-    /// Rays traced.
+    /// Rays traced; those of texels that share with too few by the last attempt at a target.
     pub traced: u64,
     /// Rays of rows per second.
     pub per_second: f64,

@@ -93,8 +93,8 @@ impl<'s> Sources<'s> {
 const GATHERED_SHARE: f64 = 0.3;
 /// The same for emitters of so many triangles that their closed forms would cost too much.
 const GATHERED_SHARE_OF_MANY: f64 = 0.05;
-/// Part of the shadow rays that go to patches that reflect much, and how many do in any case. Measured: with more, errors
-/// of the rows hide what is gained.
+/// Shadow rays over those that go to patches that reflect much, and how many do at least, if there are as many. Measured:
+/// with more, errors of the rows hide what is gained.
 const FEWER_TO_PATCHES: u32 = 4;
 const LEAST_TO_PATCHES: u32 = 16;
 

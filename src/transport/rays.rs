@@ -51,29 +51,30 @@ pub(super) fn measure(
     observer: &dyn Observer,
 ) -> Result<()> {
     let fronts = transport.receivers.partition_point(|&patch| (patch as usize) < patches.fronts);
-    let (first, more) = (Lot::new(0..options.rays), Lot::new(transport.rays..options.rays));
-    let shooter = Shooter::new(tracer, coverage, first, more, options.shares(fronts));
+    let more = (transport.rays > 0).then(|| Lot::new(transport.rays..options.rays));
+    let (first, keep) = (Lot::new(0..options.rays), options.shares(fronts));
+    let shooter = Shooter { sight: Sight::new(tracer, coverage), keep, first, more };
     waves::measure(&shooter, patches, transport, options, observer)
 }
 
-/// What `of` makes of other rays of some fronts, `part` of a row that grows; `None` where all of them begin enclosed. Backs that
-/// no row stands for are dark.
+/// What `of` makes of other rays of some fronts, `part` of a row that grows; `None` where all of them begin enclosed. In place of
+/// backs that no row stands for is [`DARK`](super::DARK).
 pub fn sample<T: Send>(
     neighbours: &Neighbours,
     fronts: &[u32],
     part: Range<u32>,
-    of: impl Fn(Row) -> T + Sync,
+    of: impl Fn(Row) -> Option<T> + Sync,
     observer: &dyn Observer,
 ) -> Result<(Vec<Option<T>>, Stats)> {
     let Neighbours { transport, tracer, coverage, patches } = *neighbours;
     let texels: Vec<u32> = fronts.iter().map(|&r| transport.receivers[r as usize]).collect();
-    let shooter = Shooter::new(tracer, coverage, Lot::new(part.clone()), Lot::new(part), false);
+    let shooter = Shooter { sight: Sight::new(tracer, coverage), keep: false, first: Lot::new(part), more: None };
     let columns = Numbering::new(patches.fronts as u32, &patches.backs);
     observer.begin("reuse: more rays", texels.len() as u64);
     let run = |desk: &mut _, task: Task| {
         let mut done = shooter.block(desk, &task, observer);
         columns.settle(&mut done.block);
-        let told = done.block.rows().zip(&done.buried).map(|(row, buried)| (!buried).then(|| of(row)));
+        let told = done.block.rows().zip(&done.buried).map(|(row, buried)| if *buried { None } else { of(row) });
         (told.collect(), done.stats)
     };
     let done: Vec<(Vec<Option<T>>, Stats)> =
@@ -108,7 +109,7 @@ struct Shooter<'a> {
     keep: bool,
     /// Rays of rows that have none yet, and those that the others lack.
     first: Lot,
-    more: Lot,
+    more: Option<Lot>,
 }
 
 /// Rays of a row that are shot together.
@@ -172,12 +173,7 @@ impl Lot {
     }
 }
 
-impl<'a> Shooter<'a> {
-    /// `first` for rows that have no rays yet, `more` for those that have.
-    fn new(tracer: &'a Tracer<'a>, coverage: &'a Coverage, first: Lot, more: Lot, keep: bool) -> Self {
-        Shooter { sight: Sight::new(tracer, coverage), keep, first, more }
-    }
-
+impl Shooter<'_> {
     /// Decides about the points that may be enclosed, and shoots more rays for those that are. `open`: of the rays before, how
     /// many began outside, if the texel was not enclosed.
     fn complete(&self, lot: &Lot, receiver: &Receiver, row: &mut Draft, open: Option<f32>, done: &mut Done) {
@@ -270,7 +266,7 @@ impl Method for Shooter<'_> {
             return done;
         }
         let keep = self.keep && !back;
-        let lot = if before.block.is_empty() { &self.first } else { &self.more };
+        let lot = self.more.as_ref().filter(|_| !before.block.is_empty()).unwrap_or(&self.first);
         let (receivers, rows) = desk.clear(&self.sight, &lot.table, texels, *back);
         let nowhere = Ray { origin: Vec3::ZERO, direction: Vec3::Z, key: 0, from: NOWHERE };
         let (mut rays, mut hits) = (vec![nowhere; n * TOGETHER], vec![None; n * TOGETHER]);

@@ -111,7 +111,7 @@ pub(super) struct Numbering {
 }
 
 impl Numbering {
-    /// `backs`: the texels whose backs have columns; others are dark.
+    /// `backs`: the texels whose backs have columns; [`DARK`] takes the place of others.
     pub fn new(texels: u32, backs: &[u32]) -> Self {
         let mut of_back = vec![DARK; if backs.is_empty() { 0 } else { texels as usize }];
         for (k, &t) in backs.iter().enumerate() {

@@ -5,9 +5,9 @@ use super::Gather;
 use crate::{
     error::Result,
     progress::Observer,
-    transport::{Row, Stats, sample},
+    transport::{DARK, Row, Stats, sample},
 };
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// Rays that such a texel has in the end, of each that its row has.
 const TIMES: u32 = 4;
@@ -29,9 +29,10 @@ impl Gather<'_> {
         Ok(stats)
     }
 
-    /// What the rays of a row carry.
-    fn told(&self, row: Row) -> Vec3 {
-        let radiosity = |column: &u32| self.columns.get(*column as usize).map_or(Vec3::ZERO, |c| c.radiosity);
-        row.columns.iter().map(radiosity).sum::<Vec3>() * row.weight
+    /// What the rays of a row carry, but for those that met backs of which nothing is known; `None` if all did.
+    fn told(&self, row: Row) -> Option<Vec3> {
+        let radiosity = |column| self.columns.get(column as usize).map_or(DVec3::ZERO, |c| c.radiosity.as_dvec3());
+        let known = 1.0 - row.sum(|column| if column == DARK { 1.0 } else { 0.0 });
+        (known > 0.0).then(|| (row.sum(radiosity) / known).as_vec3())
     }
 }

@@ -155,8 +155,7 @@ impl<'a> Gather<'a> {
 
     /// Receivers, what they share, and the noise of their own; puts back what sharing has blurred.
     fn straightened(&self, sharing: &[(u32, Vec3, f32)], own: &[Vec3]) -> Vec<(u32, Vec3)> {
-        let Some(&(first, ..)) = sharing.first() else { return Vec::new() };
-        let axes = Frame::around(self.neighbours.transport.eyes[first as usize].normal);
+        let axes = Frame::around(self.neighbours.transport.eyes[sharing[0].0 as usize].normal);
         let at = |r: u32| axes.flat(self.neighbours.transport.eyes[r as usize].position);
         let sample = |&(r, shared, noise): &(u32, Vec3, f32)| Sample { at: at(r), own: own[r as usize], shared, noise };
         let mut samples: Vec<Sample> = sharing.iter().map(sample).collect();

@@ -14,6 +14,7 @@ const RARE: f32 = 500.0;
 
 /// What to add to the shared value at a place; `None` where chance explains all of it. More than three samples.
 pub(super) fn of(samples: &[Sample]) -> Option<impl Fn(Vec2) -> Vec3 + use<>> {
+    debug_assert!(samples.len() > 3);
     let share = 1.0 / samples.len() as f32;
     let middle = samples.iter().map(|s| s.at).sum::<Vec2>() * share;
     let mean = samples.iter().map(|s| s.own - s.shared).sum::<Vec3>() * share;
