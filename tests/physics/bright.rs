@@ -184,3 +184,15 @@ fn power_of_a_bright_spot_is_kept() {
     let energy = shoot(room_with_a_bright_spot(0.7, 16), 1024).baked.report.energy;
     assert!(energy.emitted > 0.0 && energy.imbalance.abs() < 3e-3, "{energy:?}");
 }
+
+/// Rows are noisier than the spot's light would be with all of them.
+#[test]
+fn bright_patches_take_a_quarter_of_the_shadow_rays() {
+    let rays = 1024;
+    let rooms = |reflectance: f32| Rooms::new(room_with_a_bright_spot(reflectance, 16), rays);
+    // Where nothing reflects there is the lamp alone.
+    let (lamp, all) = (rooms(0.0), rooms(0.7));
+    let spot = all.direct.shadow_rays - lamp.direct.shadow_rays;
+    let most = u64::from(rays / 2) * all.patches.area.len() as u64;
+    assert!(spot > 0 && spot < most, "{spot} shadow rays go to the spot, less than {most} should");
+}
