@@ -1,11 +1,13 @@
 //! Low-discrepancy points from one table, and hashes that key what must differ.
 //!
 //! Owen-scrambled Sobol points (Burley, "Practical Hash-based Owen Scrambling", JCGT 2020) cost 84 ns each when made
-//! for every texel and 7.5 ns from a shared table. A texel takes a contiguous block of the table (again a net), chosen
-//! by its place, and turns its directions about the normal by an angle of its own, so that no pattern repeats.
+//! for every texel and 7.5 ns from a shared table. A texel takes a contiguous block of the table (again a net), by its place
+//! on a Z-order curve, so that blocks of neighbours are nets together, too: of two by two texels, four by four, all of a
+//! square (Ahmed and Wonka, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of
+//! Pixels", 2020). Each square is to turn its directions by an angle of its own, so that no pattern repeats.
 
 use super::cosine_hemisphere;
-use glam::{Vec2, Vec3};
+use glam::{UVec2, Vec2, Vec3};
 use std::ops::Range;
 
 /// One sample: a place in a texel and a direction.
@@ -24,10 +26,14 @@ pub struct PointTable {
     points: Vec<Point>,
     block: usize,
     blocks: usize,
+    /// Edge, in texels, of the squares whose blocks differ from each other.
+    side: u32,
 }
 
 const LONGEST: usize = 1 << 16;
-const SIDE: usize = 4;
+/// Blocks at most, and the edges of squares that have as many.
+const BLOCKS: usize = 64;
+const SIDES: [u32; 4] = [8, 4, 2, 1];
 
 impl PointTable {
     /// Blocks of `block` points (1..=65536).
@@ -39,17 +45,19 @@ impl PointTable {
     /// around stay one net.
     pub fn part(part: Range<usize>, seed: u32) -> Self {
         let block = part.len();
-        let blocks = (LONGEST / block).clamp(1, SIDE * SIDE);
-        let first = SIDE * SIDE * part.start;
+        let blocks = (LONGEST / block).clamp(1, BLOCKS);
+        let side = SIDES.into_iter().find(|side| (side * side) as usize <= blocks).unwrap_or(1);
+        let first = BLOCKS * part.start;
         let point = |i: usize| {
             // Where the sequence ends, another begins.
             let [a, b, c, d] =
                 sobol_burley::sample_4d((i % LONGEST) as u32, 0, seed.wrapping_add((i / LONGEST) as u32));
-            let extra = Vec2::new(c, d);
-            Point { place: Vec2::new(a, b), extra, direction: cosine_hemisphere(extra) }
+            // Few points are a net in the first two dimensions only: there it matters more.
+            let extra = Vec2::new(a, b);
+            Point { place: Vec2::new(c, d), extra, direction: cosine_hemisphere(extra) }
         };
         let points = (first..first + block * blocks).map(point).collect();
-        PointTable { points, block, blocks }
+        PointTable { points, block, blocks, side }
     }
 
     /// Sorts every block into wedges around the normal, and each wedge by elevation: points at the same place of the order,
@@ -83,9 +91,19 @@ impl PointTable {
 
     /// The `pass`-th block for the texel at column `x`, row `y`.
     pub fn block(&self, x: u32, y: u32, pass: usize) -> &[Point] {
-        let first = (y as usize % SIDE) * SIDE + x as usize % SIDE;
-        let b = (first + pass) % self.blocks;
+        let b = (self.place_in_square(x, y) + pass) % self.blocks;
         &self.points[b * self.block..(b + 1) * self.block]
+    }
+
+    /// Along the Z-order curve.
+    fn place_in_square(&self, x: u32, y: u32) -> usize {
+        let (x, y) = (x % self.side, y % self.side);
+        (0..self.side.ilog2()).map(|bit| (x >> bit & 1 | (y >> bit & 1) << 1) << (2 * bit)).sum::<u32>() as usize
+    }
+
+    /// A word for the square in which a texel lies: blocks inside it differ.
+    pub fn square(&self, at: UVec2) -> u32 {
+        hash(at.x / self.side, at.y / self.side)
     }
 }
 

@@ -56,7 +56,7 @@ impl<'a> Receiver<'a> {
         self.footprint.set(texel as usize);
         (self.at, self.back) = (self.coverage.texels[texel as usize].at, back);
         self.key = hash(texel, u32::from(back));
-        let share = unit_float(hash(self.key, 0x7475_7261));
+        let share = unit_float(hash(table.square(self.at), 0x7475_7261));
         let angle = std::f32::consts::TAU * share;
         self.turn = Vec2::new(libm::cosf(angle), libm::sinf(angle));
         (self.points, self.first) = (table.block(self.at.x, self.at.y, 0), table.turned(share));
