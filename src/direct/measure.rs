@@ -78,7 +78,7 @@ pub(super) fn measure(
     let mut received = vec![Received::default(); patches.len()];
     let some =
         |holds: &dyn Fn(usize) -> bool| (0..patches.len() as u32).filter(|&i| holds(i as usize)).collect::<Vec<_>>();
-    let table = |points: u32| PointTable::new(points.min(MOST) as usize, 0x6469_7265);
+    let table = |points: u32| PointTable::of_places(points.min(MOST) as usize, 0x6469_7265);
 
     observer.begin("direct", patches.len() as u64);
     let probes = (rays / 16).clamp(8, 64).min(rays);

@@ -23,7 +23,7 @@ const RAYS: usize = 4;
 /// Looks around from every texel.
 pub(super) fn around(subject: &Subject) -> Vec<Look> {
     let (tracer, coverage) = (subject.tracer, subject.coverage);
-    let table = PointTable::new(POINTS * RAYS, 0x696e_7370);
+    let table = PointTable::of_places(POINTS * RAYS, 0x696e_7370);
     let one = |footprint: &mut Footprint, texel: usize| {
         footprint.set(texel);
         if footprint.faces().is_empty() {

@@ -36,25 +36,30 @@ const BLOCKS: usize = 64;
 const SIDES: [u32; 4] = [8, 4, 2, 1];
 
 impl PointTable {
-    /// Blocks of `block` points (1..=65536).
-    pub fn new(block: usize, seed: u32) -> Self {
-        Self::part(0..block, seed)
+    /// Blocks of `block` points (1..=65536), for means over texels: of few points, too, the places are a net.
+    pub fn of_places(block: usize, seed: u32) -> Self {
+        let point = |[a, b, c, d]: [f32; 4]| (Vec2::new(a, b), Vec2::new(c, d));
+        Self::new(0..block, seed, point)
     }
 
-    /// The points `part` of blocks that grow: they begin where those of shorter blocks ended, so that the points of all texels
-    /// around stay one net.
-    pub fn part(part: Range<usize>, seed: u32) -> Self {
+    /// Blocks for means over directions, of which few, too, are a net. They grow: those of the points `part` begin where
+    /// shorter ones ended, so that the points of all texels around stay one net.
+    pub fn of_directions(part: Range<usize>, seed: u32) -> Self {
+        let point = |[a, b, c, d]: [f32; 4]| (Vec2::new(c, d), Vec2::new(a, b));
+        Self::new(part, seed, point)
+    }
+
+    /// `point`: place and extra from four dimensions, of which the first two are the better net.
+    fn new(part: Range<usize>, seed: u32, point: impl Fn([f32; 4]) -> (Vec2, Vec2)) -> Self {
         let block = part.len();
         let blocks = (LONGEST / block).clamp(1, BLOCKS);
         let side = SIDES.into_iter().find(|side| (side * side) as usize <= blocks).unwrap_or(1);
         let first = BLOCKS * part.start;
         let point = |i: usize| {
             // Where the sequence ends, another begins.
-            let [a, b, c, d] =
-                sobol_burley::sample_4d((i % LONGEST) as u32, 0, seed.wrapping_add((i / LONGEST) as u32));
-            // Few points are a net in the first two dimensions only: there it matters more.
-            let extra = Vec2::new(a, b);
-            Point { place: Vec2::new(c, d), extra, direction: cosine_hemisphere(extra) }
+            let seed = seed.wrapping_add((i / LONGEST) as u32);
+            let (place, extra) = point(sobol_burley::sample_4d((i % LONGEST) as u32, 0, seed));
+            Point { place, extra, direction: cosine_hemisphere(extra) }
         };
         let points = (first..first + block * blocks).map(point).collect();
         PointTable { points, block, blocks, side }
@@ -122,4 +127,45 @@ pub fn hash(a: u32, b: u32) -> u32 {
 /// A word as a number in [0, 1).
 pub fn unit_float(h: u32) -> f32 {
     (h >> 8) as f32 * (1.0 / (1 << 24) as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Each cell of a grid holds one point: directions of a texel, of two by two, of four by four and of eight by eight.
+    #[test]
+    fn squares_of_texels_are_nets() {
+        const RAYS: u32 = 16;
+        let table = PointTable::of_directions(0..RAYS as usize, 1);
+        for edge in [1, 2, 4, 8] {
+            let cells = edge * RAYS.isqrt();
+            let mut found = vec![0; (cells * cells) as usize];
+            // Not the first square of the page.
+            for (x, y) in (0..edge).flat_map(|y| (0..edge).map(move |x| (x + 16, y + 40))) {
+                for p in table.block(x, y, 0) {
+                    let cell = (p.extra * cells as f32).as_uvec2();
+                    found[(cell.y * cells + cell.x) as usize] += 1;
+                }
+            }
+            assert!(found.iter().all(|&n| n == 1), "{edge} by {edge}: {found:?}");
+        }
+    }
+
+    /// Where one sequence has too few points for that, too.
+    #[test]
+    fn blocks_of_a_square_differ() {
+        for (rays, side) in [(1, 8), (1024, 8), (1025, 4), (4096, 4), (16384, 2), (20000, 1), (65536, 1)] {
+            let table = PointTable::of_directions(0..rays, 1);
+            let mut first: Vec<[u32; 2]> = (0..side)
+                .flat_map(|y| (0..side).map(move |x| (x, y)))
+                .map(|(x, y)| table.block(x, y, 0)[0].extra.to_array().map(f32::to_bits))
+                .collect();
+            first.sort_unstable();
+            first.dedup();
+            assert_eq!(first.len(), (side * side) as usize, "{rays} rays");
+            let square = |x, y| table.square(UVec2::new(x, y));
+            assert!(square(0, 0) == square(side - 1, side - 1) && square(0, 0) != square(side, 0), "{rays} rays");
+        }
+    }
 }

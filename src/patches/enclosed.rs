@@ -29,7 +29,7 @@ pub struct Enclosure<'a> {
 impl<'a> Enclosure<'a> {
     /// Prepares the probes.
     pub fn new(tracer: &'a Tracer<'a>, coverage: &'a Coverage) -> Self {
-        Enclosure { tracer, coverage, probes: PointTable::new(PROBES, 0x7072_6f62) }
+        Enclosure { tracer, coverage, probes: PointTable::of_directions(0..PROBES, 0x7072_6f62) }
     }
 
     /// True if a hit may be part of an enclosure.

@@ -74,7 +74,7 @@ struct Front {
 impl Patches {
     /// Averages the materials over every covered texel. `max_reflectance` caps each channel.
     pub fn new(world: &World, coverage: &Coverage, max_reflectance: f32) -> Self {
-        let table = PointTable::new(MATERIAL_POINTS, 0x6d61_7465);
+        let table = PointTable::of_places(MATERIAL_POINTS, 0x6d61_7465);
         let fronts: Vec<Front> = (0..coverage.texels.len())
             .into_par_iter()
             .map_init(

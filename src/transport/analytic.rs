@@ -103,7 +103,7 @@ struct Shape {
 }
 
 fn shapes(tracer: &Tracer, coverage: &Coverage, patches: &Patches) -> Vec<Shape> {
-    let table = PointTable::new(SEGMENTS, 0x7061_6972);
+    let table = PointTable::of_places(SEGMENTS, 0x7061_6972);
     let shape = |footprint: &mut Footprint, patch: usize| {
         let (texel, back) = patches.texel(patch);
         footprint.set(texel);

@@ -36,7 +36,7 @@ pub(super) fn measure(
     let hemicube = Hemicube {
         sight: Sight::new(tracer, coverage),
         pixels: pixels(resolution),
-        table: PointTable::new(PLACES, 0x6865_6d69),
+        table: PointTable::of_places(PLACES, 0x6865_6d69),
     };
     waves::measure(&hemicube, patches, transport, options, observer)
 }

@@ -125,7 +125,7 @@ struct Lot {
 impl Lot {
     fn new(part: Range<u32>) -> Self {
         let part = part.start as usize..part.end as usize;
-        let table = |seed: u32| PointTable::part(part.clone(), seed);
+        let table = |seed: u32| PointTable::of_directions(part.clone(), seed);
         let (table, again) = (table(0x7261_7973).by_direction(), table(0x6167_6169));
         Lot { part, table, again }
     }

@@ -11,6 +11,9 @@ use glam::Vec3;
 /// Standard deviations of the noise below which one difference says nothing.
 const RARE: f32 = 3.0;
 
+/// Times the noise of a pool that chance may make of it, where few rays meet the light: less came through as grain.
+const CHANCE: f32 = 1.5;
+
 /// Of each sample what to add to the shared value.
 pub(super) fn of(samples: &[Sample]) -> Vec<Vec3> {
     let difference = |s: &Sample| s.own - s.shared;
@@ -20,7 +23,7 @@ pub(super) fn of(samples: &[Sample]) -> Vec<Vec3> {
     let left = |noise: f32, all: f32| if noise >= all { 0.0 } else { 1.0 - noise / all };
     // A texel none of whose rays met the light knows nothing of its noise.
     let least = noise / samples.len() as f32;
-    let of_all = left(noise, all);
+    let of_all = left(CHANCE * noise, all);
     let keep = |s: &Sample| {
         let d = difference(s);
         d * left(RARE * RARE * s.noise.max(least), square(d)).max(of_all)
@@ -54,6 +57,14 @@ mod tests {
     fn noise_is_left_away() {
         let mean = (0..100).map(|seed| error(|_| 1.0, 0.01, seed)).sum::<f32>() / 100.0;
         assert!(mean < 0.0005, "{mean} of .01");
+    }
+
+    /// A fifth above what it should be.
+    #[test]
+    fn noise_by_chance_is_left_away() {
+        let mut some = samples(|_| 1.0, 0.01, 1);
+        some.iter_mut().for_each(|s| s.noise /= 1.2);
+        assert!(of(&some).iter().all(|add| *add == Vec3::ZERO));
     }
 
     #[test]

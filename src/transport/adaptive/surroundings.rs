@@ -42,7 +42,7 @@ impl Surroundings {
 
 /// Looks from every texel.
 pub(super) fn at_all(tracer: &Tracer, coverage: &Coverage, observer: &dyn Observer) -> Vec<Surroundings> {
-    let table = PointTable::new(RAYS, 0x676c_616e);
+    let table = PointTable::of_directions(0..RAYS, 0x676c_616e);
     let texels: Vec<u32> = (0..coverage.texels.len() as u32).collect();
     let chunks = texels.par_chunks(CHUNK).map(|texels| {
         if observer.cancelled() {
