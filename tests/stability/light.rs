@@ -1,10 +1,13 @@
 //! Small, far, narrow and very bright: where light is easily missed, or spilled.
 
-use crate::common::{
-    bakes::{grey, options, shoot, shoot_with, spread, within_sigma, worst},
-    exact,
-    scenes::{Ball, Cuboid, FACES, Face, furnished, rectangle, unit_room},
-    stage::{Chart, Stage},
+use crate::{
+    common::{
+        bakes::{grey, options, shoot, shoot_with, spread, within_sigma, worst},
+        exact,
+        scenes::{Ball, Cuboid, FACES, Face, furnished, rectangle, unit_room},
+        stage::{Chart, Stage},
+    },
+    scenes::{off_below_tiny_lamp, tiny_lamp},
 };
 use glam::{DVec3, UVec2, Vec3, uvec2, vec3};
 use luxel::{
@@ -33,16 +36,9 @@ fn failure_chart_border_filter() {
 #[test]
 fn failure_tiny_emitter() {
     let mut stage = Stage::new();
-    let (black, lamp) = (stage.material(0.0, 0.0), stage.material(0.0, 1.0));
-    let side = 0.01;
-    let corner = vec3(-0.5 * side, 1.0, -0.5 * side);
-    rectangle(&mut stage, lamp, [corner, Vec3::X * side, Vec3::Z * side], UVec2::splat(2));
-    let foot = rectangle(&mut stage, black, [vec3(-0.02, 0.0, -0.02), Vec3::Z * 0.04, Vec3::X * 0.04], UVec2::splat(4));
-    rectangle(&mut stage, black, [vec3(1.0, 0.0, 1.0), Vec3::Z, Vec3::X], UVec2::splat(4));
-    let shot = shoot(stage, 64);
-    // Texels at .0141 m from the foot: cos^4 = 1 - 4e-4.
-    let off = worst(shot.values(foot).iter().map(|e| grey(*e)), 0.0000318299);
-    assert!(off < 1e-3, "off by {off}");
+    let foot = tiny_lamp(&mut stage);
+    let off = off_below_tiny_lamp(&shoot(stage, 64), foot);
+    assert!(off < 5e-4, "off by {off}");
 }
 
 #[test]
