@@ -44,7 +44,8 @@ pub const SCENES: &[Scene] = &[
     Scene { name: "tiny_emitter", tolerance: 5e-4, off: tiny_emitter },
     Scene { name: "sun_through_hole", tolerance: 1e-6, off: sun_through_hole },
     Scene { name: "sun_through_hole, all bounces", tolerance: 1e-3, off: sun_in_the_cube },
-    Scene { name: "narrow_aperture", tolerance: 0.011, off: narrow_aperture },
+    // Three standard deviations over ten seeds of the points.
+    Scene { name: "narrow_aperture", tolerance: 0.021, off: narrow_aperture },
     Scene { name: "hemicube_alias", tolerance: 6e-4, off: |runs| moved_square(runs, false) },
     Scene { name: "hemicube_alias, rows alone", tolerance: 1e-3, off: |runs| moved_square(runs, true) },
     Scene { name: "many_small_emitters", tolerance: 2e-3, off: many_emitters },
