@@ -28,6 +28,8 @@ pub const MOST: usize = 2048;
 const MOST_POLYGONS: usize = 3 * MOST / 2;
 /// Segments between two patches.
 const SEGMENTS: usize = 16;
+/// Where they end, in their lengths: by rounding the second patch's own surface might lie before its end.
+const END: f32 = 1.0 - 1e-5;
 /// A row's sum may be off by so much before it is said that it was scaled: single precision, and the outer integral's end.
 const SLACK: f64 = 1e-5;
 
@@ -175,14 +177,14 @@ impl Pairs<'_> {
     fn visibility(&self, i: usize, j: usize, stats: &mut Stats) -> f64 {
         let (low, high) = (i.min(j), i.max(j));
         let turn = hash(low as u32, high as u32) as usize;
-        let mut segments = [Segment { origin: Vec3::ZERO, direction: Vec3::ZERO, t: 1.0, from: NOWHERE }; SEGMENTS];
+        let mut segments = [Segment { origin: Vec3::ZERO, direction: Vec3::ZERO, t: END, from: NOWHERE }; SEGMENTS];
         let mut count = 0;
         for (k, a) in self.shapes[low].points.iter().enumerate() {
             // An odd factor takes every point once.
             let b = &self.shapes[high].points[(k * 5 + turn) % SEGMENTS];
             let direction = b.lifted() - a.lifted();
             if direction.dot(a.face) > 0.0 && direction.dot(b.face) < 0.0 {
-                segments[count] = Segment { origin: a.lifted(), direction, t: 1.0, from: a.triangle };
+                segments[count] = Segment { origin: a.lifted(), direction, t: END, from: a.triangle };
                 count += 1;
             }
         }
