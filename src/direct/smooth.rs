@@ -24,49 +24,73 @@ const ORDER: usize = 6;
 
 /// Fits those of some patches whose own samples disagree.
 pub(super) fn smooth(coverage: &Coverage, patches: &Patches, which: &[u32], received: &mut [Received]) {
-    let full = REACHES.map(|reach| (reach, basis(&places(reach).map(|d| d.as_vec2()).collect::<Vec<_>>())));
+    let full = REACHES.map(|reach| basis(&places(reach).map(|d| d.as_vec2()).collect::<Vec<_>>()));
+    let samples: Vec<Sample> = received.par_iter().map(Sample::of).collect();
     let smoothed = |&i: &u32| {
         let patch = i as usize;
-        if patch >= patches.fronts || received[patch].variance == 0.0 {
+        if patch >= patches.fronts || samples[patch].variance == 0.0 {
             return None;
         }
-        let mut windows = full.iter().map(|(reach, full)| Window::around(coverage, patches, patch, *reach, full));
-        windows.find_map(|window| fit(&window, received, patch))
+        let mut window = Window::around(coverage, patches, patch);
+        REACHES.iter().zip(&full).find_map(|(&reach, full)| {
+            window.narrow(reach);
+            fit(&window, full, &samples, received)
+        })
     };
     let fitted: Vec<_> = which.par_iter().map(smoothed).collect();
     which.iter().zip(fitted).filter_map(|(&i, r)| Some((i, r?))).for_each(|(i, r)| received[i as usize] = r);
 }
 
-fn fit(window: &Window, received: &[Received], patch: usize) -> Option<Received> {
+/// What decides whether a fit may be.
+struct Sample {
+    /// Luminance of all light.
+    light: f32,
+    /// Of it.
+    variance: f32,
+}
+
+impl Sample {
+    fn of(r: &Received) -> Self {
+        Sample { light: luminance(r.total()), variance: r.variance }
+    }
+}
+
+/// `full`: the basis of a window without gaps.
+fn fit(window: &Window, full: &Basis, samples: &[Sample], received: &[Received]) -> Option<Received> {
     let n = window.texels.len();
     if n < ENOUGH {
         return None;
     }
-    let of = |t: u32| &received[t as usize];
-    let values: Vec<f32> = window.texels.iter().map(|&t| luminance(of(t).total())).collect();
-    let noise = window.texels.iter().map(|&t| of(t).variance).sum::<f32>() / n as f32;
-    let parts: Vec<f32> = window.basis.iter().map(|phi| phi.iter().zip(&values).map(|(p, v)| p * v).sum()).collect();
-    let all: f32 = values.iter().map(|v| v * v).sum();
-    let explained: f32 = parts.iter().map(|c| c * c).sum();
+    let basis = if n == full[0].len() { Cow::Borrowed(full) } else { Cow::Owned(basis(&window.places)) };
+    let (mut noise, mut all) = (0.0, 0.0);
+    let mut values = Vec::with_capacity(n);
+    for Sample { light, variance } in window.texels.iter().map(|&t| &samples[t as usize]) {
+        noise += variance;
+        all += light * light;
+        values.push(*light);
+    }
+    noise /= n as f32;
+    let explained: f32 =
+        basis.iter().map(|phi| phi.iter().zip(&values).map(|(p, v)| p * v).sum::<f32>()).map(|c| c * c).sum();
     if (all - explained).max(0.0) / (n - ORDER) as f32 > noise {
         return None;
     }
-    let weight = |m: usize| window.basis.iter().map(|phi| phi[m] * phi[window.middle]).sum::<f32>();
+    let middle = window.middle();
+    let weight = |m: usize| basis.iter().map(|phi| phi[m] * phi[middle]).sum::<f32>();
     let weights: Vec<f32> = (0..n).map(weight).collect();
-    let own = received[patch];
+    let own = received[window.texels[middle] as usize];
     let zero = own.zip(&own, |_, _| Vec3::ZERO);
-    let add = |sum: Received, (&t, &weight): (&u32, &f32)| sum.zip(of(t), |sum, light| sum + light * weight);
+    let add =
+        |sum: Received, (&t, &weight): (&u32, &f32)| sum.zip(&received[t as usize], |sum, light| sum + light * weight);
     let sum = window.texels.iter().zip(&weights).fold(zero, add);
     let variance = noise * weights.iter().map(|w| w * w).sum::<f32>();
     Some(Received { variance, ..sum.zip(&zero, Vec3::max) })
 }
 
-/// A texel and those around it on the same smooth surface, with orthonormal polynomials over them.
-struct Window<'w> {
+/// A texel and those around it on the same smooth surface, and where they lie from it.
+struct Window {
     texels: Vec<u32>,
-    /// Which of them is the texel.
-    middle: usize,
-    basis: Cow<'w, Basis>,
+    places: Vec<Vec2>,
 }
 
 /// Of each polynomial the value at every place.
@@ -97,26 +121,35 @@ fn basis(places: &[Vec2]) -> Basis {
     basis
 }
 
-impl<'w> Window<'w> {
-    /// `full`: the basis of a window without gaps.
-    fn around(coverage: &Coverage, patches: &Patches, patch: usize, reach: i32, full: &'w Basis) -> Self {
+impl Window {
+    /// The largest.
+    fn around(coverage: &Coverage, patches: &Patches, patch: usize) -> Self {
         let texel = coverage.texels[patch];
         let place = |i: usize| [patches.center[i], patches.normal[i]];
         // Half as far again allows for stretched charts.
         let apart = |i: usize, d: IVec2| 1.5 * d.as_vec2().length() * patches.area[i].max(patches.area[patch]).sqrt();
         let beside = |i: usize, d: IVec2| !patches.buried[i] && continues(place(patch), place(i), apart(i, d));
-        let (mut texels, mut found, mut middle) = (Vec::new(), Vec::new(), 0);
-        for d in places(reach) {
+        let texels = (2 * REACHES[0] as usize + 1).pow(2);
+        let mut window = Window { texels: Vec::with_capacity(texels), places: Vec::with_capacity(texels) };
+        for d in places(REACHES[0]) {
             let Some(t) = coverage.texel(texel.page, texel.at.as_ivec2() + d) else { continue };
-            if d == IVec2::ZERO {
-                middle = texels.len();
-            } else if !beside(t as usize, d) {
-                continue;
+            if d == IVec2::ZERO || beside(t as usize, d) {
+                window.texels.push(t);
+                window.places.push(d.as_vec2());
             }
-            texels.push(t);
-            found.push(d.as_vec2());
         }
-        let basis = if found.len() == full[0].len() { Cow::Borrowed(full) } else { Cow::Owned(basis(&found)) };
-        Window { texels, middle, basis }
+        window
+    }
+
+    /// Leaves only what is not further away.
+    fn narrow(&mut self, reach: i32) {
+        let mut inside = self.places.iter().map(|d| d.abs().max_element() <= reach as f32);
+        self.texels.retain(|_| inside.next() == Some(true));
+        self.places.retain(|d| d.abs().max_element() <= reach as f32);
+    }
+
+    /// Which of them is the texel.
+    fn middle(&self) -> usize {
+        self.places.iter().position(|d| *d == Vec2::ZERO).unwrap_or(0)
     }
 }
