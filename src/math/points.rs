@@ -26,14 +26,13 @@ pub struct PointTable {
     points: Vec<Point>,
     block: usize,
     blocks: usize,
-    /// Edge, in texels, of the squares whose blocks differ from each other.
+    /// Edge, in texels, of the squares whose first blocks differ from each other.
     side: u32,
 }
 
 const LONGEST: usize = 1 << 16;
-/// Blocks at most, and the edges of squares that have as many.
+/// Blocks at most: those of 8 by 8 texels.
 const BLOCKS: usize = 64;
-const SIDES: [u32; 4] = [8, 4, 2, 1];
 
 impl PointTable {
     /// Blocks of `block` points (1..=65536), for means over texels: of few points, too, the places are a net.
@@ -43,7 +42,8 @@ impl PointTable {
     }
 
     /// Blocks for means over directions, of which few, too, are a net. They grow: those of the points `part` begin where
-    /// shorter ones ended, so that the points of all texels around stay one net.
+    /// those of shorter ones end, so that no point is there twice, and up to 1024 points, where both are powers of two, those
+    /// of a square stay one net.
     pub fn of_directions(part: Range<usize>, seed: u32) -> Self {
         let point = |[a, b, c, d]: [f32; 4]| (Vec2::new(c, d), Vec2::new(a, b));
         Self::new(part, seed, point)
@@ -52,8 +52,8 @@ impl PointTable {
     /// `point`: place and extra from four dimensions, of which the first two are the better net.
     fn new(part: Range<usize>, seed: u32, point: impl Fn([f32; 4]) -> (Vec2, Vec2)) -> Self {
         let block = part.len();
-        let blocks = (LONGEST / block).clamp(1, BLOCKS);
-        let side = SIDES.into_iter().find(|side| (side * side) as usize <= blocks).unwrap_or(1);
+        // A power of two, so that every texel has another one in every pass.
+        let blocks = 1 << (LONGEST / block).clamp(1, BLOCKS).ilog2();
         let first = BLOCKS * part.start;
         let point = |i: usize| {
             // Where the sequence ends, another begins.
@@ -62,7 +62,7 @@ impl PointTable {
             Point { place, extra, direction: cosine_hemisphere(extra) }
         };
         let points = (first..first + block * blocks).map(point).collect();
-        PointTable { points, block, blocks, side }
+        PointTable { points, block, blocks, side: 1 << (blocks.ilog2() / 2) }
     }
 
     /// Sorts every block into wedges around the normal, and each wedge by elevation: points at the same place of the order,
@@ -94,9 +94,9 @@ impl PointTable {
         self.blocks
     }
 
-    /// The `pass`-th block for the texel at column `x`, row `y`.
+    /// The `pass`-th block for the texel at column `x`, row `y`; those of the first 2^k passes are a net.
     pub fn block(&self, x: u32, y: u32, pass: usize) -> &[Point] {
-        let b = (self.place_in_square(x, y) + pass) % self.blocks;
+        let b = (self.place_in_square(x, y) ^ pass) % self.blocks;
         &self.points[b * self.block..(b + 1) * self.block]
     }
 

@@ -154,7 +154,7 @@ impl Hemicube<'_> {
     /// What is seen from a point.
     fn view(&self, receiver: &Receiver, p: &SurfacePoint, stats: &mut Stats) -> View {
         let mut view = View::default();
-        let frame = p.frame.turned(receiver.turn);
+        let frame = p.frame.turned(receiver.turn_of_its_own());
         let (mut rays, mut hits) = (Vec::with_capacity(BLOCK), vec![None; BLOCK]);
         for (first, pixels) in (0..).step_by(BLOCK).zip(self.pixels.chunks(BLOCK)) {
             let ray = |(k, pixel): (u32, &Pixel)| p.ray(frame.to_world(pixel.direction), receiver.key.wrapping_add(k));

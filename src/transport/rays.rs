@@ -118,16 +118,16 @@ struct Lot {
     part: Range<usize>,
     /// Points of every row, by direction.
     table: PointTable,
-    /// Points for what they leave open.
-    again: PointTable,
+    /// Points for what they leave open, pass by pass.
+    again: [PointTable; PASSES],
 }
 
 impl Lot {
     fn new(part: Range<u32>) -> Self {
         let part = part.start as usize..part.end as usize;
         let table = |seed: u32| PointTable::of_directions(part.clone(), seed);
-        let (table, again) = (table(0x7261_7973).by_direction(), table(0x6167_6169));
-        Lot { part, table, again }
+        let again = std::array::from_fn(|pass| table(0x6167_6169 + pass as u32));
+        Lot { table: table(0x7261_7973).by_direction(), again, part }
     }
 
     fn rays(&self) -> usize {
@@ -164,7 +164,7 @@ impl Lot {
     #[cold]
     fn direction_above(&self, p: &SurfacePoint, receiver: &Receiver, k: usize) -> Vec3 {
         let (x, y, rays) = (receiver.at.x, receiver.at.y, self.rays());
-        let draw = |draw: usize| receiver.turned(p, &self.again.block(x, y, k / rays + draw)[(k + draw * 7) % rays]);
+        let draw = |draw: usize| receiver.turned(p, &self.again[k / rays].block(x, y, draw)[(k + draw * 7) % rays]);
         let above = (1..DRAWS).map(draw).find(|d| d.dot(p.face) > 0.0);
         above.unwrap_or_else(|| {
             let d = draw(0);
@@ -192,7 +192,7 @@ impl Shooter<'_> {
             if buried || valid >= lot.rays() {
                 return;
             }
-            let points = lot.again.block(receiver.at.x, receiver.at.y, pass);
+            let points = lot.again[pass].block(receiver.at.x, receiver.at.y, 0);
             let points = &points[..lot.rays() - valid];
             let key = |k: usize| pass * lot.rays() + k;
             rays.clear();

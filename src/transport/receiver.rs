@@ -17,7 +17,7 @@ pub(super) struct Receiver<'a> {
     pub at: UVec2,
     pub back: bool,
     pub key: u32,
-    /// Cosine and sine of the angle by which its directions are turned.
+    /// Cosine and sine of the angle by which its directions are turned, and those of its square of texels.
     pub turn: Vec2,
     /// The points of its first pass, and the one at which it begins, so that those beside it shoot into the same direction
     /// at the same time.
@@ -56,9 +56,8 @@ impl<'a> Receiver<'a> {
         self.footprint.set(texel as usize);
         (self.at, self.back) = (self.coverage.texels[texel as usize].at, back);
         self.key = hash(texel, u32::from(back));
-        let share = unit_float(hash(table.square(self.at), 0x7475_7261));
-        let angle = std::f32::consts::TAU * share;
-        self.turn = Vec2::new(libm::cosf(angle), libm::sinf(angle));
+        let share = unit_float(hash(table.square(self.at), TURN));
+        self.turn = turn(share);
         (self.points, self.first) = (table.block(self.at.x, self.at.y, 0), table.turned(share));
         let facet = |face: &Face| {
             let (lift, frame) = face.flat()?;
@@ -67,6 +66,11 @@ impl<'a> Receiver<'a> {
         };
         self.facets.clear();
         self.facets.extend(self.footprint.faces().iter().map(facet));
+    }
+
+    /// Cosine and sine of an angle that is no other receiver's: where all have the same directions.
+    pub fn turn_of_its_own(&self) -> Vec2 {
+        turn(unit_float(hash(self.key, TURN)))
     }
 
     /// The `k`-th point of the first pass.
@@ -88,4 +92,13 @@ impl<'a> Receiver<'a> {
     pub fn turned(&self, p: &SurfacePoint, point: &Point) -> Vec3 {
         p.frame.turned(self.turn).to_world(point.direction)
     }
+}
+
+/// What keys angles.
+const TURN: u32 = 0x7475_7261;
+
+/// Cosine and sine of a share of the circle.
+fn turn(share: f32) -> Vec2 {
+    let angle = std::f32::consts::TAU * share;
+    Vec2::new(libm::cosf(angle), libm::sinf(angle))
 }

@@ -187,7 +187,7 @@ fn power_of_a_bright_spot_is_kept() {
 
 /// Rows are noisier than the spot's light would be with all of them.
 #[test]
-fn bright_patches_take_a_quarter_of_the_shadow_rays() {
+fn bright_patches_take_fewer_shadow_rays() {
     let rays = 1024;
     let rooms = |reflectance: f32| Rooms::new(room_with_a_bright_spot(reflectance, 16), rays);
     // Where nothing reflects there is the lamp alone.

@@ -2,7 +2,8 @@
 //!
 //! Own rays are right on average, but noisy; shared ones may be wrong where things stand so near that every texel sees
 //! something else. Their difference is shrunk by the share of it that noise explains: James and Stein, "Estimation with
-//! Quadratic Loss" (1961), the positive part, for all of a pool; for one texel, where noise hardly ever is so large.
+//! Quadratic Loss" (1961), the positive part, for all of a pool, with half as much noise again; for one texel, where noise
+//! hardly ever is so large.
 
 use super::Sample;
 use crate::math::luminance;
