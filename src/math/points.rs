@@ -133,22 +133,29 @@ pub fn unit_float(h: u32) -> f32 {
 mod tests {
     use super::*;
 
-    /// Each cell of a grid holds one point: directions of a texel, of two by two, of four by four and of eight by eight.
+    /// Points by cell of a grid that has as many cells.
+    fn cells<'p>(points: impl Iterator<Item = &'p Point>, count: u32) -> Vec<u32> {
+        let edge = count.isqrt();
+        let mut found = vec![0; count as usize];
+        for p in points {
+            let cell = (p.extra * edge as f32).as_uvec2();
+            found[(cell.y * edge + cell.x) as usize] += 1;
+        }
+        found
+    }
+
+    /// Directions of a texel, of two by two, of four by four and of eight by eight; and those of a texel's passes.
     #[test]
     fn squares_of_texels_are_nets() {
-        const RAYS: u32 = 16;
-        let table = PointTable::of_directions(0..RAYS as usize, 1);
+        let table = PointTable::of_directions(0..16, 1);
         for edge in [1, 2, 4, 8] {
-            let cells = edge * RAYS.isqrt();
-            let mut found = vec![0; (cells * cells) as usize];
             // Not the first square of the page.
-            for (x, y) in (0..edge).flat_map(|y| (0..edge).map(move |x| (x + 16, y + 40))) {
-                for p in table.block(x, y, 0) {
-                    let cell = (p.extra * cells as f32).as_uvec2();
-                    found[(cell.y * cells + cell.x) as usize] += 1;
-                }
-            }
+            let texels = (0..edge).flat_map(|y| (0..edge).map(move |x| (x + 16, y + 40)));
+            let found = cells(texels.flat_map(|(x, y)| table.block(x, y, 0)), 16 * edge * edge);
             assert!(found.iter().all(|&n| n == 1), "{edge} by {edge}: {found:?}");
+            let passes = (0..(edge * edge) as usize).flat_map(|pass| table.block(21, 46, pass));
+            let found = cells(passes, 16 * edge * edge);
+            assert!(found.iter().all(|&n| n == 1), "{edge} times {edge} passes: {found:?}");
         }
     }
 
