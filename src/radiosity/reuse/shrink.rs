@@ -60,7 +60,7 @@ mod tests {
         assert!(mean < 0.0005, "{mean} of .01");
     }
 
-    /// A fifth above what it should be.
+    /// It is a fifth more than rays say.
     #[test]
     fn noise_by_chance_is_left_away() {
         let mut some = samples(|_| 1.0, 0.01, 1);
