@@ -19,7 +19,7 @@ use crate::{
     report::{EnergyReport, Report},
     scene::{Scene, World},
     trace::Tracer,
-    transport::{self, Neighbours, Stats, Transport},
+    transport::{self, Stats, Transport},
 };
 use glam::Vec3;
 use std::time::Instant;
@@ -161,10 +161,6 @@ impl<'s> Ground<'s> {
             added =
                 clock.time("reuse", || radiosity.reuse(&transport, tracer, coverage, &patches, &direct, observer))?;
         }
-        let neighbours = Neighbours { transport: &transport, tracer, coverage, patches: &patches };
-        added += clock.time("contacts", || {
-            radiosity.refine_contacts(neighbours, &direct, &sources, options.max_reflectance, observer)
-        })?;
         let lightmaps = clock.time("lightmaps", || {
             Lightmaps::new(&tracer.world, atlas, coverage, &patches, &direct, &radiosity, options.content)
         });

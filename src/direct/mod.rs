@@ -13,12 +13,10 @@ mod lambert;
 mod measure;
 mod punctual;
 mod received;
-mod sampler;
 mod sky;
 mod smooth;
 mod volley;
 
-pub use sampler::Sampler;
 pub use sky::sky_cells;
 
 use crate::{

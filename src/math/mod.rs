@@ -12,5 +12,5 @@ pub use color::{SRGB_TO_LINEAR, linear_to_srgb, luminance, srgb};
 pub use frame::{Frame, cosine_hemisphere, square_to_disc};
 pub use points::{Point, PointTable, hash, unit_float};
 pub use polygon::Polygon;
-pub use random::Random;
+pub(crate) use random::Random;
 pub use sphere::{CELLS, cell_center, cell_of};

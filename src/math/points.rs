@@ -89,11 +89,6 @@ impl PointTable {
         (self.block as f32).sqrt().round() as usize
     }
 
-    /// Points of a block.
-    pub fn block_len(&self) -> usize {
-        self.block
-    }
-
     /// Number of blocks: passes beyond it repeat.
     pub fn blocks(&self) -> usize {
         self.blocks

@@ -4,7 +4,7 @@ use crate::{
     atlas::Coverage,
     math::{Frame, Polygon},
     scene::{World, shading_normal},
-    trace::{Hit, Ray, Segment, rounding},
+    trace::{Ray, Segment, rounding},
 };
 use glam::{DMat2, DVec2, DVec3, Vec2, Vec3};
 
@@ -75,26 +75,6 @@ pub struct SurfacePoint {
 }
 
 impl SurfacePoint {
-    /// Where a ray has ended, on the side that it has met.
-    pub fn met(world: &World, hit: &Hit) -> Self {
-        let (instance, local) = world.locate(hit.triangle);
-        let corners = world.corners(instance, local);
-        let [a, b, c] = corners;
-        let face = world.cross(instance, &corners).normalize_or_zero();
-        let smooth = world.smooth_normals(instance, local, face);
-        let normal = smooth.map_or(face, |corners| shading_normal(&corners, hit.bary, face));
-        let front = SurfacePoint {
-            position: a + (b - a) * hit.bary.x + (c - a) * hit.bary.y,
-            face,
-            normal,
-            frame: Frame::around(normal),
-            triangle: hit.triangle,
-            bary: hit.bary,
-            offset: rounding(&corners),
-        };
-        if hit.front { front } else { front.reversed() }
-    }
-
     /// The same point on the back of the surface.
     pub fn reversed(self) -> Self {
         SurfacePoint { face: -self.face, normal: -self.normal, frame: self.frame.reversed(), ..self }

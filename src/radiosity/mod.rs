@@ -11,7 +11,6 @@ mod channels;
 mod chebyshev;
 mod columns;
 mod conjugate;
-mod contacts;
 mod dense;
 mod gauss_seidel;
 mod grouped;
@@ -29,7 +28,7 @@ pub use system::{Amplification, System};
 
 use crate::{
     atlas::Coverage,
-    direct::{Direct, Sources},
+    direct::Direct,
     error::Result,
     patches::Patches,
     progress::Observer,
@@ -111,24 +110,6 @@ impl Radiosity {
         let stats = reuse::Gather::new(neighbours, &self.gathered).run(&mut own, observer)?;
         self.spread(transport, &own, extra);
         Ok(stats)
-    }
-
-    /// Follows light that comes from nearer than a texel on through what is there, at receivers that are fronts: there it is not
-    /// enough that a texel reflects as one value. Does nothing without rays, or if bounces were dropped. `max_reflectance` as in
-    /// [`Patches::new`].
-    pub fn refine_contacts(
-        &mut self,
-        neighbours: Neighbours,
-        direct: &Direct,
-        sources: &Sources,
-        max_reflectance: f32,
-        observer: &dyn Observer,
-    ) -> Result<Stats> {
-        if neighbours.transport.rays == 0 || self.report.bounces.is_some() {
-            return Ok(Stats::default());
-        }
-        let contacts = contacts::Contacts::new(neighbours, sources, &self.gathered, direct, max_reflectance);
-        contacts.refine(&mut self.indirect, observer)
     }
 
     /// What is sampled of the first bounce is none of the rows', and not there without a bounce.

@@ -194,7 +194,7 @@ pub fn adaptive_receivers(
 /// Counts of rays.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Stats {
-    /// Rays traced, for rows if nothing else is said.
+    /// Rays traced for rows.
     pub traced: u64,
     /// Rays that left the scene.
     pub escaped: u64,

@@ -2,7 +2,6 @@
 
 mod bounces;
 mod bright;
-mod contacts;
 mod groups;
 mod lights;
 
