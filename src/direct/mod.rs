@@ -11,12 +11,15 @@ mod disc;
 mod emitters;
 mod lambert;
 mod measure;
+mod parts;
 mod punctual;
 mod received;
 mod sky;
 mod smooth;
+mod texel;
 mod volley;
 
+pub use parts::Parts;
 pub use sky::sky_cells;
 
 use crate::{
@@ -42,6 +45,8 @@ pub struct Direct {
     pub sky_peaks: Vec<Vec3>,
     /// The part of what bright patches reflect that is sampled, too.
     pub bounce: Bounce,
+    /// What of lamps, sun and peaks differs within a patch.
+    pub parts: Parts,
     /// Shadow rays traced.
     pub shadow_rays: u64,
 }

@@ -7,6 +7,9 @@ use crate::{
 };
 use glam::Vec3;
 
+/// Least over most light of rays that carry about the same.
+const EVEN: f32 = 0.9;
+
 /// Shadow rays and what they carry.
 #[derive(Default)]
 pub(super) struct Volley {
@@ -60,9 +63,17 @@ impl Volley {
         tally
     }
 
-    /// What arrived by each ray that was fired.
-    pub fn arrivals(&self) -> impl Iterator<Item = Vec3> {
-        self.shots.iter().zip(&self.through).map(|(shot, &through)| shot.irradiance * through)
+    /// True if all rays carry about the same.
+    pub fn is_even(&self) -> bool {
+        let lights = || self.shots.iter().map(|shot| luminance(shot.sent));
+        let (least, most) = (lights().fold(f32::INFINITY, f32::min), lights().fold(0.0, f32::max));
+        least > EVEN * most
+    }
+
+    /// Where each ray that was fired begins, and what arrived by it.
+    pub fn arrivals(&self) -> impl Iterator<Item = (Vec3, Vec3)> {
+        let lights = self.shots.iter().zip(&self.through).map(|(shot, &through)| shot.irradiance * through);
+        self.segments.iter().map(|segment| segment.origin).zip(lights)
     }
 }
 

@@ -28,8 +28,9 @@ pub use system::{Amplification, System};
 
 use crate::{
     atlas::Coverage,
-    direct::Direct,
+    direct::{Direct, Parts},
     error::Result,
+    math::luminance,
     patches::Patches,
     progress::Observer,
     report::SolverReport,
@@ -107,7 +108,10 @@ impl Radiosity {
         let extra = self.sampled(direct);
         let mut own = self.by_rows(transport, extra);
         let neighbours = Neighbours { transport, tracer, coverage, patches };
-        let stats = reuse::Gather::new(neighbours, &self.gathered).run(&mut own, observer)?;
+        let parts = if self.report.bounces == Some(0) { &Parts::default() } else { &direct.parts };
+        let all: f64 = (0..patches.fronts).map(|p| f64::from(luminance(direct.total(p) + self.indirect[p]))).sum();
+        let mean = (all / patches.fronts.max(1) as f64) as f32;
+        let stats = reuse::Gather::new(neighbours, &self.gathered, parts, mean).run(&mut own, observer)?;
         self.spread(transport, &own, extra);
         Ok(stats)
     }
@@ -129,8 +133,8 @@ impl Radiosity {
         let mut at_patches = vec![DVec3::ZERO; transport.patches];
         transport.interpolate(&at_receivers, &mut at_patches);
         self.indirect = single(&at_patches);
-        // What was sampled at the receivers and taken off again may leave a little less than nothing.
-        self.indirect.iter_mut().for_each(|e| *e = e.max(Vec3::ZERO));
         self.indirect.iter_mut().zip(extra).for_each(|(e, extra)| *e += *extra);
+        // Where a part of a bright patch is dark, rows take back what was sampled as if all of it were bright.
+        self.indirect.iter_mut().for_each(|e| *e = e.max(Vec3::ZERO));
     }
 }

@@ -25,7 +25,7 @@ pub use form_factors::FormFactors;
 pub use groups::Groups;
 pub use neighbours::Neighbours;
 pub use rays::{rays_of_rows, sample};
-pub use rows::{DARK, Ends, Row, Rows};
+pub use rows::{DARK, Ends, Row, Rows, UNKNOWN};
 
 use crate::{
     atlas::Coverage,

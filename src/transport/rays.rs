@@ -7,7 +7,7 @@
 //! is asked anew; a texel is enclosed altogether if it was to all lots of rays, and its row is the last lot's then.
 
 use super::{
-    Eye, Neighbours, Options, Row, Stats, Transport,
+    Ends, Eye, Neighbours, Options, Stats, Transport,
     draft::{Behind, Draft},
     receiver::Receiver,
     rows::{BLOCK, Block},
@@ -58,27 +58,28 @@ pub(super) fn measure(
 }
 
 /// What `of` makes of other rays of some fronts, `part` of a row that grows; `None` where all of them begin enclosed. In place of
-/// backs that no row stands for is [`DARK`](super::DARK).
+/// backs for which no row stands is [`UNKNOWN`](super::UNKNOWN).
 pub fn sample<T: Send>(
     neighbours: &Neighbours,
     fronts: &[u32],
     part: Range<u32>,
-    of: impl Fn(Row) -> Option<T> + Sync,
+    of: impl Fn(u32, Ends) -> Option<T> + Sync,
     observer: &dyn Observer,
 ) -> Result<(Vec<Option<T>>, Stats)> {
     let Neighbours { transport, tracer, coverage, patches } = *neighbours;
     let texels: Vec<u32> = fronts.iter().map(|&r| transport.receivers[r as usize]).collect();
-    let shooter = Shooter { sight: Sight::new(tracer, coverage), keep: false, first: Lot::new(part), more: None };
+    let shooter = Shooter { sight: Sight::new(tracer, coverage), keep: true, first: Lot::new(part), more: None };
     let columns = Numbering::new(patches.fronts as u32, &patches.backs);
     observer.begin("reuse: more rays", texels.len() as u64);
-    let run = |desk: &mut _, task: Task| {
+    let run = |desk: &mut _, (task, fronts): (Task, &[u32])| {
         let mut done = shooter.block(desk, &task, observer);
         columns.settle(&mut done.block);
-        let told = done.block.rows().zip(&done.buried).map(|(row, buried)| if *buried { None } else { of(row) });
-        (told.collect(), done.stats)
+        let rows = fronts.iter().zip(&done.buried).enumerate();
+        let told = rows.map(|(k, (&r, buried))| if *buried { None } else { of(r, done.block.rays(k)) }).collect();
+        (told, done.stats)
     };
-    let done: Vec<(Vec<Option<T>>, Stats)> =
-        waves::tasks(&texels, false).into_par_iter().map_init(Desk::default, run).collect();
+    let tasks = waves::tasks(&texels, false).into_par_iter().zip(fronts.par_chunks(BLOCK));
+    let done: Vec<(Vec<Option<T>>, Stats)> = tasks.map_init(Desk::default, run).collect();
     check(observer)?;
     let (mut out, mut stats) = (Vec::with_capacity(texels.len()), Stats::default());
     for (some, of_some) in done {

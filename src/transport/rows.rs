@@ -44,6 +44,9 @@ pub struct Ends<'a> {
 /// In place of the column of a ray that met nothing that shines.
 pub const DARK: u32 = u32::MAX;
 
+/// In place of that of a back for which no row stands, where rows are not kept.
+pub const UNKNOWN: u32 = u32::MAX - 1;
+
 /// One row.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<'a> {

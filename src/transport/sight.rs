@@ -3,7 +3,7 @@
 use super::receiver::Receiver;
 use super::{
     Stats,
-    rows::{Block, DARK},
+    rows::{Block, DARK, UNKNOWN},
 };
 use crate::{
     atlas::Coverage,
@@ -111,9 +111,9 @@ pub(super) struct Numbering {
 }
 
 impl Numbering {
-    /// `backs`: the texels whose backs have columns; [`DARK`] takes the place of others.
+    /// `backs`: the texels whose backs have columns; [`UNKNOWN`] takes the place of others.
     pub fn new(texels: u32, backs: &[u32]) -> Self {
-        let mut of_back = vec![DARK; if backs.is_empty() { 0 } else { texels as usize }];
+        let mut of_back = vec![UNKNOWN; if backs.is_empty() { 0 } else { texels as usize }];
         for (k, &t) in backs.iter().enumerate() {
             of_back[t as usize] = texels + k as u32;
         }
@@ -127,7 +127,7 @@ impl Numbering {
                 debug_assert!(*c & !SKY < CELLS);
                 *c = self.sky + (*c & !SKY);
             } else if *c & BACK != 0 {
-                *c = self.of_back.get((*c & !BACK) as usize).copied().unwrap_or(DARK);
+                *c = self.of_back.get((*c & !BACK) as usize).copied().unwrap_or(UNKNOWN);
             }
         }
     }

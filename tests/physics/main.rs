@@ -2,6 +2,7 @@
 
 mod bounces;
 mod bright;
+mod contacts;
 mod groups;
 mod lights;
 

@@ -16,13 +16,14 @@ mod shrink;
 mod trend;
 
 use crate::{
+    direct::Parts,
     error::Result,
     math::{
         Frame,
         simd::{LANES, Level},
     },
     progress::{Observer, check},
-    transport::{Neighbours, Stats},
+    transport::{Eye, Neighbours, Stats},
 };
 use glam::{UVec2, Vec2, Vec3};
 use pool::Pool;
@@ -37,6 +38,10 @@ const EDGE: u32 = TILE + 2 * MARGIN;
 /// Receivers of a pool, at least: fewer see too little of what they do not have in common. Measured in sponza: among less
 /// than this, four times the rays are worth more.
 const ENOUGH: usize = 16;
+
+/// Squared distance, over a patch's area, within which a ray tells which part of it it has met. From further away all of it
+/// is seen, and its mean has less noise.
+const CLOSE: f32 = 16.0;
 
 /// One receiver of a pool.
 struct Sample {
@@ -62,6 +67,9 @@ pub(super) struct Gather<'a> {
     neighbours: Neighbours<'a>,
     /// What rays may meet; what is [dark](crate::transport::DARK) is none of it.
     columns: Vec<Column>,
+    parts: &'a Parts,
+    /// Mean luminance of the scene's irradiance.
+    mean: f32,
 }
 
 /// What a ray has met.
@@ -73,11 +81,24 @@ struct Column {
 }
 
 impl<'a> Gather<'a> {
-    /// `radiosity`: of every column.
-    pub fn new(neighbours: Neighbours<'a>, radiosity: &[Vec3]) -> Self {
+    /// `radiosity`: of every column, of which `parts` reflect more or less light than all.
+    pub fn new(neighbours: Neighbours<'a>, radiosity: &[Vec3], parts: &'a Parts, mean: f32) -> Self {
         let normal = |i: usize| neighbours.patches.normal.get(i).copied().unwrap_or_default();
         let column = |(i, &radiosity)| Column { radiosity, normal: normal(i) };
-        Gather { columns: radiosity.par_iter().enumerate().map(column).collect(), neighbours }
+        Gather { columns: radiosity.par_iter().enumerate().map(column).collect(), neighbours, parts, mean }
+    }
+
+    /// What a ray from `eye` has met at `spot`.
+    #[inline]
+    fn met(&self, eye: &Eye, column: u32, spot: Vec3) -> Column {
+        let mut met = self.columns.get(column as usize).copied().unwrap_or_default();
+        if let Some(beyond) = self.parts.beyond(column as usize, spot) {
+            let patches = self.neighbours.patches;
+            if eye.position.distance_squared(spot) < CLOSE * patches.area[column as usize] {
+                met.radiosity += patches.reflectance[column as usize] * beyond;
+            }
+        }
+        met
     }
 
     /// Replaces the irradiance of receivers that are fronts by what their neighbours' rays make of it, or more of their own.
@@ -96,12 +117,11 @@ impl<'a> Gather<'a> {
         let strips: Vec<(u32, usize, u32)> = strips.collect();
         let level = Level::best();
         observer.begin("reuse", strips.len() as u64);
-        let own = &*irradiance;
         let strip = |&(stride, page, y): &(u32, usize, u32)| {
             let tiles = 0..coverage.sizes[page].x.div_ceil(TILE * stride);
             let tiles = tiles
                 .filter(|_| !observer.cancelled())
-                .map(|x| self.tile(page, UVec2::new(x, y) * TILE * stride, stride, own, level));
+                .map(|x| self.tile(page, UVec2::new(x, y) * TILE * stride, stride, level));
             let found = tiles.flatten().collect();
             observer.advance(1);
             found
@@ -121,7 +141,7 @@ impl<'a> Gather<'a> {
     }
 
     /// New values of the receivers of this stride in the tile that begins at `first`, and in its margin.
-    fn tile(&self, page: usize, first: UVec2, stride: u32, own: &[Vec3], level: Level) -> Vec<Found> {
+    fn tile(&self, page: usize, first: UVec2, stride: u32, level: Level) -> Vec<Found> {
         let Gather { neighbours, .. } = self;
         let Neighbours { transport, coverage, .. } = neighbours;
         let end = first + TILE * stride;
@@ -143,29 +163,37 @@ impl<'a> Gather<'a> {
         while let Some(&leader) = left.iter().find(|r| inner.contains(r)) {
             let members = neighbours.around(leader, &left, (TILE + MARGIN) * stride);
             let pool = Pool::new(self, &members);
-            let of_members = members.into_iter().zip(pool.shared(level)).zip(pool.noise());
-            let sharing: Vec<_> = of_members.filter_map(|((r, shared), noise)| Some((r, shared?, noise))).collect();
-            left.retain(|&r| r != leader && sharing.iter().all(|s| s.0 != r));
+            let of_members = members.into_iter().zip(pool.shared(level)).zip(pool.own());
+            let (sharing, mut samples) = self.samples(of_members);
+            left.retain(|r| *r != leader && !sharing.contains(r));
             if sharing.len() >= ENOUGH {
-                self.straightened(&sharing, own).into_iter().for_each(|(r, value)| find(r, value));
+                straighten(&mut samples);
+                sharing.into_iter().zip(samples).for_each(|(r, s)| find(r, s.shared));
             }
         }
         found
     }
 
-    /// Receivers, what they share, and the noise of their own; puts back what sharing has blurred.
-    fn straightened(&self, sharing: &[(u32, Vec3, f32)], own: &[Vec3]) -> Vec<(u32, Vec3)> {
-        let axes = Frame::around(self.neighbours.transport.eyes[sharing[0].0 as usize].normal);
-        let at = |r: u32| axes.flat(self.neighbours.transport.eyes[r as usize].position);
-        let sample = |&(r, shared, noise): &(u32, Vec3, f32)| Sample { at: at(r), own: own[r as usize], shared, noise };
-        let mut samples: Vec<Sample> = sharing.iter().map(sample).collect();
-        if let Some(trend) = trend::of(&samples) {
-            samples.iter_mut().for_each(|s| s.shared = (s.shared + trend(s.at)).max(Vec3::ZERO));
-        }
-        let added = shrink::of(&samples);
-        let value = |((&(r, ..), s), add): ((&(u32, Vec3, f32), &Sample), Vec3)| (r, (s.shared + add).max(Vec3::ZERO));
-        sharing.iter().zip(&samples).zip(added).map(value).collect()
+    /// The receivers of a pool that share, and what is known of them: what they share, what their own rays say, and its noise.
+    fn samples(&self, members: impl Iterator<Item = ((u32, Option<Vec3>), (Vec3, f32))>) -> (Vec<u32>, Vec<Sample>) {
+        let mut axes = None;
+        let sample = |((r, shared), (own, noise)): ((u32, Option<Vec3>), (Vec3, f32))| {
+            let eye = &self.neighbours.transport.eyes[r as usize];
+            let shared = shared?;
+            let at = axes.get_or_insert_with(|| Frame::around(eye.normal)).flat(eye.position);
+            Some((r, Sample { at, own, shared, noise }))
+        };
+        members.filter_map(sample).unzip()
     }
+}
+
+/// Puts back what sharing has blurred.
+fn straighten(samples: &mut [Sample]) {
+    if let Some(trend) = trend::of(samples) {
+        samples.iter_mut().for_each(|s| s.shared += trend(s.at));
+    }
+    let added = shrink::of(samples);
+    samples.iter_mut().zip(added).for_each(|(s, add)| s.shared += add);
 }
 
 /// Bytes of one pool, at most, of rows of so many rays: what every receiver makes of every ray, and the rays.

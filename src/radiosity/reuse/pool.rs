@@ -47,7 +47,8 @@ struct Member {
     eye: Eye,
     /// Its rays that count.
     rays: f32,
-    /// Variance of the luminance that it receives by them.
+    /// What it receives by them, and the variance of its luminance.
+    own: Vec3,
     noise: f32,
 }
 
@@ -66,26 +67,27 @@ impl Pool {
         for (owner, (eye, &receiver)) in eyes().zip(receivers).enumerate() {
             let ends = transport.rows.ends(receiver as usize);
             let rays = ends.columns.len() as f32;
-            let (mut sum, mut squares) = (0.0, 0.0);
+            let (mut sum, mut squares) = (Vec3::ZERO, 0.0);
             for (&column, &spot) in ends.columns.iter().zip(ends.spots) {
                 // The sky, and what has no patch, faces whoever sees it.
                 let facing = || (eye.position - spot).normalize_or_zero();
-                let Column { radiosity, normal } = gather.columns.get(column as usize).copied().unwrap_or_default();
+                let Column { radiosity, normal } = gather.met(&eye, column, spot);
                 let normal = if normal == Vec3::ZERO { facing() } else { normal };
-                let light = luminance(radiosity);
-                (sum, squares) = (sum + light, squares + light * light);
+                sum += radiosity;
+                squares += luminance(radiosity).powi(2);
                 let ends = if horizon.is_far(spot - center, normal) { &mut far } else { &mut near };
                 ends.push(owner as u32, spot, normal, radiosity);
             }
-            let noise = (squares - sum * sum / rays).max(0.0) / (rays * (rays - 1.0));
-            members.push(Member { eye, rays, noise: if rays < 2.0 { f32::INFINITY } else { noise } });
+            let own = sum / rays.max(1.0);
+            let noise = (squares - rays * luminance(own).powi(2)).max(0.0) / (rays * (rays - 1.0));
+            members.push(Member { eye, rays, own, noise: if rays < 2.0 { f32::INFINITY } else { noise } });
         }
         Pool { members, center, near, far }
     }
 
-    /// Of each receiver the variance of the luminance that it receives by its own rays; infinite by one, which does not tell.
-    pub fn noise(&self) -> impl Iterator<Item = f32> {
-        self.members.iter().map(|m| m.noise)
+    /// What each receiver receives by its own rays, and the variance of its luminance; infinite by one, which does not tell.
+    pub fn own(&self) -> impl Iterator<Item = (Vec3, f32)> {
+        self.members.iter().map(|m| (m.own, m.noise))
     }
 
     /// Of each receiver what it receives by the rays of all; `None` if it sees something else.

@@ -1,0 +1,125 @@
+//! [`Parts`]: which part of a patch lamps and sun light, where the edge of a shadow crosses it.
+//!
+//! A patch reflects as one value. That is enough for whoever is far away; who is close to it, below a ledge, sees the lit
+//! part only, or the shaded one.
+
+use crate::patches::Footprint;
+use glam::{Vec2, Vec3};
+
+/// Parts along a side. Measured: 8 are hardly better.
+const SIDE: usize = 4;
+const COUNT: usize = SIDE * SIDE;
+/// In place of an index: all parts are alike.
+const NONE: u32 = u32::MAX;
+
+/// How irradiance differs from part to part, of the patches that edges of shadows cross.
+#[derive(Clone, Debug, Default)]
+pub struct Parts {
+    /// Of each patch.
+    index: Vec<u32>,
+    divided: Vec<Divided>,
+}
+
+impl Parts {
+    /// Of so many patches; none has parts yet.
+    pub(super) fn new(patches: usize) -> Self {
+        Parts { index: vec![NONE; patches], divided: Vec::new() }
+    }
+
+    /// Gives a patch its parts.
+    pub(super) fn add(&mut self, patch: u32, divided: Divided) {
+        self.index[patch as usize] = self.divided.len() as u32;
+        self.divided.push(divided);
+    }
+
+    /// Irradiance of the part of a patch in which `spot` lies, beyond that of all of it, W/m^2: 0 on average. `None` if its
+    /// parts are alike.
+    #[inline]
+    pub fn beyond(&self, patch: usize, spot: Vec3) -> Option<Vec3> {
+        let divided = self.divided.get(*self.index.get(patch)? as usize)?;
+        Some(divided.beyond[divided.grid.part(spot)])
+    }
+
+    /// True if an edge crosses the patch.
+    pub fn divide(&self, patch: usize) -> bool {
+        self.index.get(patch).is_some_and(|&index| index != NONE)
+    }
+}
+
+/// A patch cut into parts.
+#[derive(Clone, Debug)]
+pub(super) struct Divided {
+    grid: Grid,
+    beyond: [Vec3; COUNT],
+}
+
+/// Squares over a patch, projected onto its plane.
+#[derive(Clone, Debug)]
+struct Grid {
+    corner: Vec3,
+    /// To coordinates in which parts are unit squares.
+    axes: [Vec3; 2],
+}
+
+impl Grid {
+    fn over(footprint: &Footprint) -> Self {
+        let normal = footprint.normal();
+        let edges = footprint.triangles().map(|[a, b, _]| (b - a).reject_from_normalized(normal));
+        let longest = edges.max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
+        let x = longest.and_then(Vec3::try_normalize).unwrap_or_else(|| normal.any_orthonormal_vector());
+        let y = normal.cross(x);
+        let flat = |p: Vec3| Vec2::new(p.dot(x), p.dot(y));
+        let corners = || footprint.triangles().flatten().map(flat);
+        let (low, high) = (corners().fold(Vec2::INFINITY, Vec2::min), corners().fold(Vec2::NEG_INFINITY, Vec2::max));
+        let scale = SIDE as f32 / (high - low).max(Vec2::splat(f32::MIN_POSITIVE));
+        Grid { corner: x * low.x + y * low.y, axes: [x * scale.x, y * scale.y] }
+    }
+
+    /// The part nearest to a spot.
+    #[inline]
+    fn part(&self, spot: Vec3) -> usize {
+        let [x, y] = self.axes.map(|axis| ((spot - self.corner).dot(axis) as usize).min(SIDE - 1));
+        y * SIDE + x
+    }
+}
+
+/// [`Divided`] while it is measured, one source after the other.
+pub(super) struct Division {
+    divided: Divided,
+    /// Points of each part, and what arrived there.
+    points: [u32; COUNT],
+    arrived: [Vec3; COUNT],
+}
+
+impl Division {
+    pub fn of(footprint: &Footprint) -> Self {
+        let divided = Divided { grid: Grid::over(footprint), beyond: [Vec3::ZERO; COUNT] };
+        Division { divided, points: [0; COUNT], arrived: [Vec3::ZERO; COUNT] }
+    }
+
+    /// A point at which the source is looked for.
+    pub fn visit(&mut self, spot: Vec3) {
+        self.points[self.divided.grid.part(spot)] += 1;
+    }
+
+    /// What arrives at one of them.
+    pub fn receive(&mut self, spot: Vec3, light: Vec3) {
+        self.arrived[self.divided.grid.part(spot)] += light;
+    }
+
+    /// The source is done; an edge of its light crosses the patch, or it does not count. Parts without a point are taken to be
+    /// like all.
+    pub fn end_source(&mut self, edge: bool) {
+        let mean = self.arrived.iter().sum::<Vec3>() / self.points.iter().sum::<u32>().max(1) as f32;
+        let parts = self.divided.beyond.iter_mut().zip(&self.points).zip(&self.arrived);
+        parts
+            .filter(|((_, n), _)| edge && **n > 0)
+            .for_each(|((beyond, n), arrived)| *beyond += *arrived / *n as f32 - mean);
+        (self.points, self.arrived) = ([0; COUNT], [Vec3::ZERO; COUNT]);
+    }
+
+    /// The parts; `None` if they are alike.
+    pub fn finish(self) -> Option<Divided> {
+        self.divided.beyond.iter().any(|beyond| *beyond != Vec3::ZERO).then_some(self.divided)
+    }
+}

@@ -1,0 +1,315 @@
+//! The light of all sources at one texel.
+
+use super::{
+    disc::Disc,
+    emitters::{Sample, Stratum},
+    measure::Task,
+    parts::{Divided, Division},
+    punctual::{self, Aim},
+    received::Received,
+    volley::{Tally, Volley},
+};
+use crate::{
+    math::{Point, PointTable, hash, luminance, unit_float},
+    patches::{Footprint, SurfacePoint},
+    scene::Bake,
+};
+use glam::{UVec2, Vec2, Vec3};
+
+/// Points at which closed forms are averaged over the texel, and over one where these differ.
+const EXACT_POINTS: usize = 4;
+const NEAR_POINTS: usize = 64;
+/// Part of the noise that asks for more rays that may come from there.
+const NEAR_NOISE: f32 = 0.25;
+/// Blocks of points among which a partly enclosed texel looks for open ones.
+const BLOCKS: usize = 8;
+
+/// Allocations that serve one texel after the other.
+pub(super) struct Desk<'a> {
+    footprint: Footprint<'a>,
+    cut: Vec<Stratum>,
+    few: Vec<SurfacePoint>,
+    volley: Volley,
+}
+
+impl<'a> Desk<'a> {
+    pub fn new(task: &Task<'a>) -> Self {
+        let footprint = Footprint::new(&task.tracer.world, task.coverage);
+        Desk { footprint, cut: Vec::new(), few: Vec::new(), volley: Volley::default() }
+    }
+}
+
+/// Where on a texel light is looked for: a block of points, or as many open ones, and further blocks.
+struct Places<'p> {
+    first: &'p [Point],
+    table: &'p PointTable,
+    at: UVec2,
+    /// With the first.
+    blocks: usize,
+}
+
+impl Places<'_> {
+    /// The points of the blocks after the first, of up to `most`.
+    fn beyond(&self, most: usize) -> impl Iterator<Item = &Point> {
+        (1..most.min(self.blocks)).flat_map(|pass| self.table.block(self.at.x, self.at.y, pass))
+    }
+
+    /// So many points, or all.
+    fn some(&self, n: usize) -> impl Iterator<Item = &Point> {
+        self.first.iter().chain(self.beyond(usize::MAX)).take(n)
+    }
+}
+
+/// A shadow ray to one source from a point, and its sample of the source.
+type Aims<'a> = &'a dyn Fn(&SurfacePoint, Vec2) -> Option<Aim>;
+
+impl Task<'_> {
+    /// Looks from up to `most` blocks of points; at the patch's parts, too, if it is to `divide` it.
+    pub fn texel(
+        &self,
+        patch: usize,
+        table: &PointTable,
+        most: usize,
+        divide: bool,
+        desk: &mut Desk,
+    ) -> (Received, Option<Divided>) {
+        let Desk { footprint, cut, few, volley } = desk;
+        let (texel, back) = self.patches.texel(patch);
+        let at = self.coverage.texels[texel].at;
+        footprint.set(texel);
+        let on_surface = |u: Vec2| {
+            let p = footprint.point(u);
+            if back { p.reversed() } else { p }
+        };
+        let open;
+        let mut places = Places { first: table.block(at.x, at.y, 0), table, at, blocks: table.blocks() };
+        if self.patches.validity[patch] < 1.0 {
+            open = self.open_points(table, at, &on_surface);
+            places = Places { first: &open, blocks: 1, ..places };
+        }
+        let points = places.first;
+        if points.is_empty() {
+            return (Received::default(), None);
+        }
+        // Shifts of their own keep the table's period out of the picture.
+        let key = hash(patch as u32, points.len() as u32);
+        let shift = Vec2::new(unit_float(key), unit_float(hash(key, 1)));
+        let mut r = Received::default();
+        let mut division = divide.then(|| Division::of(footprint));
+        let (mut sent, mut arrived) = (0.0, 0.0);
+        let mut book = |tally: Tally, r: &mut Received| {
+            sent += luminance(tally.sent);
+            arrived += luminance(tally.arrived);
+            r.mixed |= tally.spread() > 0.0 || tally.rays == 0 && tally.sent != Vec3::ZERO;
+            // Errors of stratified points at an edge fall faster than with the root of their number.
+            let n = tally.rays.max(1) as f32;
+            r.variance += luminance(tally.sent).powi(2) * tally.spread() / (n * n.sqrt().sqrt());
+            r.rays += tally.rays;
+        };
+        let folded = footprint.faces().len() > 1;
+        let punctual = |aim: Aims, parts: Option<&mut Division>, volley: &mut Volley| {
+            let tally = self.punctual(&places, most, &on_surface, aim, volley, parts);
+            if points.len() >= NEAR_POINTS || !folded && volley.is_even() {
+                return tally;
+            }
+            let sent = places.some(NEAR_POINTS).map(|point| aim(&on_surface(point.place), point.extra));
+            let add = |(sum, n), aim: Option<Aim>| (aim.map_or(sum, |aim| sum + aim.irradiance), n + 1.0);
+            let (sum, n) = sent.fold((Vec3::ZERO, 0.0), add);
+            tally.of(sum / n)
+        };
+        for light in self.sources.lights.iter().filter(|l| l.bake != Bake::None) {
+            let aim = |p: &SurfacePoint, u| punctual::aim(light, p, wrapped(u + shift));
+            let tally = punctual(&aim, division.as_mut(), volley);
+            *(if light.bake == Bake::Full { &mut r.lights } else { &mut r.hidden }) += tally.arrived;
+            book(tally, &mut r);
+        }
+        if let Some(peaks) = &self.sources.peaks {
+            let aim = |p: &SurfacePoint, u| peaks.aim(p, wrapped(u + shift));
+            let tally = punctual(&aim, division.as_mut(), volley);
+            r.sky_peaks += tally.arrived;
+            book(tally, &mut r);
+        }
+        self.sources.emitters.cut(&Disc::of_texel(footprint, &on_surface(Vec2::splat(0.5))), cut);
+        let (near, far) = self.sources.emitters.divide(cut);
+        // The same points for all leaves: what their closed forms share between them sums up.
+        let mut exact_at = |n: usize| {
+            few.clear();
+            few.extend(places.some(n).map(|p| on_surface(p.place)));
+            self.exact(near, few)
+        };
+        let (mut exact, mut variance) = exact_at(EXACT_POINTS);
+        let all: f32 = exact.iter().map(|e| luminance(*e)).sum();
+        if variance.sqrt() > NEAR_NOISE * self.noise * all.max(self.faint) {
+            (exact, variance) = exact_at(NEAR_POINTS);
+        }
+        r.variance += variance;
+        let near_weight: f32 = exact.iter().map(|e| luminance(*e)).sum();
+        let far_weight: f32 = far.iter().map(|s| s.weight).sum();
+        let samples = |part: f32| {
+            let wish = points.len() as f32 * part / (near_weight + far_weight);
+            (wish.round() as usize).clamp(1, points.len())
+        };
+        let mut next = 0;
+        for (stratum, exact) in near.iter().zip(exact).filter(|(_, exact)| *exact != Vec3::ZERO) {
+            let n = samples(luminance(exact));
+            let tally = self.leaf(stratum, points, next..next + n, &on_surface, shift, volley).of(exact);
+            next += n;
+            r.emitters += tally.arrived;
+            book(tally, &mut r);
+        }
+        if !far.is_empty() {
+            let (tally, noise) =
+                self.pooled(far, far_weight, &points[..samples(far_weight)], &on_surface, shift, volley);
+            r.emitters += tally.arrived;
+            r.variance += noise * noise;
+            r.mixed |= noise > self.noise * luminance(r.emitters).max(self.faint);
+            // Its spread is in the noise.
+            book(Tally { through: [0.0; 2], ..tally }, &mut r);
+        }
+        (Received { sent, arrived, ..r }, division.and_then(Division::finish))
+    }
+
+    /// Mean of each leaf's closed form over `points`, and the variance of what they sum up to.
+    fn exact(&self, leaves: &[Stratum], points: &[SurfacePoint]) -> (Vec<Vec3>, f32) {
+        let n = points.len() as f32;
+        let mut at_points = vec![0.0; points.len()];
+        let mean = |leaf| {
+            let mut sum = Vec3::ZERO;
+            for (p, all) in points.iter().zip(&mut at_points) {
+                let light = self.sources.emitters.exact(leaf, p);
+                sum += light;
+                *all += luminance(light);
+            }
+            sum / n
+        };
+        let means = leaves.iter().map(mean).collect();
+        let all = at_points.iter().sum::<f32>() / n;
+        let squares: f32 = at_points.iter().map(|x| (x - all) * (x - all)).sum();
+        (means, squares / (n * n * n.sqrt()))
+    }
+
+    /// As many points as a block has, or all that few blocks give, that other geometry does not enclose.
+    fn open_points(&self, table: &PointTable, at: UVec2, on_surface: &impl Fn(Vec2) -> SurfacePoint) -> Vec<Point> {
+        let (mut open, mut enclosed, wish) = (Vec::new(), 0, table.block(at.x, at.y, 0).len());
+        for points in (0..BLOCKS.min(table.blocks())).map(|pass| table.block(at.x, at.y, pass)) {
+            let on_surface: Vec<SurfacePoint> = points.iter().map(|p| on_surface(p.place)).collect();
+            let holds = self.enclosure.holds(&on_surface, at, Vec2::X, &mut enclosed);
+            open.extend(points.iter().zip(holds).filter(|(_, enclosed)| !enclosed).map(|(p, _)| *p));
+            if open.len() >= wish {
+                break;
+            }
+        }
+        open.truncate(wish);
+        open
+    }
+
+    /// Mean over the texel's points of what arrives from a source that is one ray a point; over more if these disagree. Then
+    /// parts may differ.
+    fn punctual(
+        &self,
+        places: &Places,
+        most: usize,
+        on_surface: &impl Fn(Vec2) -> SurfacePoint,
+        aim: Aims,
+        volley: &mut Volley,
+        mut parts: Option<&mut Division>,
+    ) -> Tally {
+        let mut n = 0;
+        let mut fire = |points: &mut dyn Iterator<Item = &Point>| {
+            volley.clear();
+            for point in points {
+                n += 1;
+                let p = on_surface(point.place);
+                if let Some(Aim { direction, distance, irradiance }) = aim(&p, point.extra) {
+                    // A hair short of the light: a lamp's own surface may stand at it.
+                    volley.aim(&p, direction, distance * (1.0 - 1e-4), irradiance, irradiance);
+                }
+                if let Some(parts) = &mut parts {
+                    parts.visit(p.position);
+                }
+            }
+            let tally = volley.fire(self.tracer);
+            if let Some(parts) = &mut parts {
+                volley.arrivals().for_each(|(from, light)| parts.receive(from, light));
+            }
+            tally
+        };
+        let mut tally = fire(&mut places.first.iter());
+        let mixed = tally.spread() > 0.0;
+        if mixed {
+            tally = tally.and(fire(&mut places.beyond(most)));
+        }
+        if let Some(parts) = parts {
+            parts.end_source(mixed);
+        }
+        tally.scaled(1.0 / n as f32)
+    }
+
+    /// What arrives from points of a leaf.
+    fn leaf(
+        &self,
+        leaf: &Stratum,
+        points: &[Point],
+        samples: std::ops::Range<usize>,
+        on_surface: &impl Fn(Vec2) -> SurfacePoint,
+        shift: Vec2,
+        volley: &mut Volley,
+    ) -> Tally {
+        volley.clear();
+        for k in samples {
+            let point = &points[k % points.len()];
+            self.to_emitter(leaf, &on_surface(point.place), wrapped(point.extra + shift), 1.0, volley);
+        }
+        volley.fire(self.tracer)
+    }
+
+    /// The mean of samples over the whole cut, and its standard error (luminance).
+    fn pooled(
+        &self,
+        cut: &[Stratum],
+        total: f32,
+        points: &[Point],
+        on_surface: &impl Fn(Vec2) -> SurfacePoint,
+        shift: Vec2,
+        volley: &mut Volley,
+    ) -> (Tally, f32) {
+        let mut sum = 0.0;
+        let cumulative: Vec<f32> = cut
+            .iter()
+            .map(|s| {
+                sum += s.weight;
+                sum
+            })
+            .collect();
+        volley.clear();
+        for point in points {
+            let p = on_surface(point.place);
+            let u = wrapped(point.extra + shift);
+            let at = u.x * total;
+            let k = cumulative.partition_point(|&c| c <= at).min(cut.len() - 1);
+            let stratum = &cut[k];
+            let inside = 1.0 - (cumulative[k] - at) / stratum.weight;
+            let u = Vec2::new(inside.clamp(0.0, 1.0), u.y);
+            self.to_emitter(stratum, &p, u, total / stratum.weight, volley);
+        }
+        let tally = volley.fire(self.tracer);
+        // Samples without a ray are zero.
+        let squares: f32 = volley.arrivals().map(|(_, x)| luminance(x) * luminance(x)).sum();
+        let (n, sum) = (points.len() as f32, luminance(tally.arrived));
+        let variance = (squares / n - (sum / n) * (sum / n)).max(0.0);
+        (tally.scaled(1.0 / n), (variance / n).sqrt())
+    }
+
+    /// Aims at a point of the stratum; what comes from there is worth `weight`.
+    fn to_emitter(&self, stratum: &Stratum, p: &SurfacePoint, u: Vec2, weight: f32, volley: &mut Volley) {
+        let sample = self.sources.emitters.sample(self.sources.scene, stratum, p, u);
+        if let Some(Sample { direction, distance, irradiance, mean }) = sample {
+            volley.aim(p, direction, distance * (1.0 - 1e-5), mean * weight, irradiance * weight);
+        }
+    }
+}
+
+/// Each coordinate's fraction.
+fn wrapped(u: Vec2) -> Vec2 {
+    u - u.floor()
+}
