@@ -159,7 +159,8 @@ impl Audit {
     /// Audits a lightmap.
     pub fn of(subject: &Subject, options: &Options, observer: &dyn Observer) -> Result<Self> {
         let start = Instant::now();
-        let drawn = draw(subject, options, observer, |known| known.point_with_look_ups(subject))?;
+        let mut drawn = Drawn::default();
+        draw(&mut drawn, subject, options, observer, |known| known.point_with_look_ups(subject))?;
         let (points, level, seed) = (&drawn.kept[..], options.level, options.seed);
         let mut audit = Audit::errors(&drawn, options);
         audit.median = figures::quantile(points, 0.5, level, seed);
@@ -184,6 +185,30 @@ impl Audit {
             bias: figures::bias(points, level, seed),
             ..Audit::default()
         }
+    }
+}
+
+/// An audit that goes on: its mean figures, after more and more points.
+pub struct Look {
+    drawn: Drawn<Point>,
+    options: Options,
+    seconds: f64,
+}
+
+impl Look {
+    /// No point yet.
+    pub fn new(options: &Options) -> Self {
+        Look { drawn: Drawn::default(), options: *options, seconds: 0.0 }
+    }
+
+    /// Draws points of the same subject until those of all calls have used up so many rays.
+    pub fn until(&mut self, rays: u64, subject: &Subject, observer: &dyn Observer) -> Result<Audit> {
+        let start = Instant::now();
+        let options = Options { budget: Budget::Rays(rays), ..self.options };
+        draw(&mut self.drawn, subject, &options, observer, |known| known.point(subject))?;
+        let audit = Audit::errors(&self.drawn, &options);
+        self.seconds += start.elapsed().as_secs_f64();
+        Ok(Audit { seconds: self.seconds, ..audit })
     }
 }
 

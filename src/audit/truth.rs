@@ -41,6 +41,12 @@ pub(super) struct Drawn<T> {
     pub rays: u64,
 }
 
+impl<T> Default for Drawn<T> {
+    fn default() -> Self {
+        Drawn { kept: Vec::new(), enclosed: 0, paths: 0, rays: 0 }
+    }
+}
+
 /// The truth at a texel.
 pub(super) struct Known {
     texel: usize,
@@ -64,7 +70,8 @@ impl Truth {
     /// Draws points on the layout of `subject`, more of them where its map changes. A map that is nearly right makes them
     /// certain sooner; its darker half is the darker half from now on.
     pub fn of(subject: &Subject, options: &Options, observer: &dyn Observer) -> Result<Self> {
-        let drawn = draw(subject, options, observer, |known| known)?;
+        let mut drawn = Drawn::default();
+        draw(&mut drawn, subject, options, observer, |known| known)?;
         Ok(Truth { drawn, options: *options })
     }
 
@@ -92,20 +99,20 @@ impl Truth {
     }
 }
 
-/// Draws points until the budget ends, and keeps what is wanted of each.
+/// Draws points beside those of `out` until the budget of all ends, and keeps what is wanted of each.
 pub(super) fn draw<T: Send>(
+    out: &mut Drawn<T>,
     subject: &Subject,
     options: &Options,
     observer: &dyn Observer,
     keep: impl Fn(Known) -> T + Sync,
-) -> Result<Drawn<T>> {
+) -> Result<()> {
     let start = Instant::now();
-    let mut out = Drawn { kept: Vec::new(), enclosed: 0, paths: 0, rays: 0 };
-    let Some(texels) = Texels::new(subject) else { return Ok(out) };
+    let Some(texels) = Texels::new(subject) else { return Ok(()) };
     let lights = Lights::new(subject);
     let most = if let Budget::Points(n) = options.budget { n.min(MOST) } else { MOST };
     observer.begin("audit", if most < MOST { u64::from(most) } else { 0 });
-    let mut drawn = 0;
+    let mut drawn = (out.kept.len() + out.enclosed) as u32;
     while drawn < most && !options.budget.ends(start.elapsed(), out.rays, drawn) {
         let next = drawn..(drawn + ROUND).min(most);
         drawn = next.end;
@@ -125,7 +132,7 @@ pub(super) fn draw<T: Send>(
         }
     }
     out.paths = u64::from(drawn) * 2 * u64::from(PLACES * options.paths_a_place());
-    Ok(out)
+    Ok(())
 }
 
 /// One point, none if its texel is enclosed; and the rays that it took.

@@ -7,7 +7,7 @@
 
 use super::{Baked, Ground, Lit, Options, plan};
 use crate::{
-    audit::{self, Audit, Budget, Subject},
+    audit::{self, Audit, Budget, Look, Subject},
     error::{Error, Result},
     memory,
     progress::Observer,
@@ -30,9 +30,9 @@ pub struct Target {
 }
 
 impl Default for Target {
-    /// What nobody asked for: 2 %, but no more than 64 rays.
+    /// What nobody asked for: 2 %, but no more than 256 rays.
     fn default() -> Self {
-        Target { error: Some(0.02), time: None, most_rays: 64 }
+        Target { error: Some(0.02), time: None, most_rays: 256 }
     }
 }
 
@@ -157,7 +157,7 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
         }
         (effort, before) = (more, Some(lit));
     };
-    let audit = audited(&mut ground, &lit, &effort, 0, 0.95, 1, observer)?;
+    let audit = told(&mut ground, &lit, &effort, observer)?;
     let mut baked = ground.baked(lit, &effort);
     baked.report.target = Some(report);
     baked.audit = Some(audit);
@@ -188,7 +188,7 @@ fn more_rays(rays: u32, excess: f64) -> u32 {
     rays * (factor as u32).next_power_of_two()
 }
 
-/// Looks until the target lies outside of the interval, or long enough.
+/// Looks until the target lies outside of the interval, or long enough; the mean figures alone.
 fn look(
     ground: &mut Ground,
     lit: &Lit,
@@ -199,32 +199,32 @@ fn look(
 ) -> Result<Audit> {
     // Resampling does not tell rarer cases from each other.
     let level = 1.0 - 0.05 / f64::from(2u32 << before.min(4)) / f64::from(LOOK.ilog2() + 1);
-    let mut longer = 1;
-    loop {
-        let found = audited(ground, lit, options, before as u32 + 1, level, longer, observer)?;
-        let open = found.error.is_some_and(|e| e.value <= error && error < e.high);
-        if !open || longer == LOOK {
-            return Ok(found);
-        }
-        longer *= 2;
-    }
-}
-
-fn audited(
-    ground: &mut Ground,
-    lit: &Lit,
-    options: &Options,
-    seed: u32,
-    level: f64,
-    longer: u64,
-    observer: &dyn Observer,
-) -> Result<Audit> {
-    let rays = lit.transport.stats.traced + lit.added.traced + lit.direct.shadow_rays;
-    let budget = Budget::Rays(LEAST.max(rays / SHARE) * longer);
     let Ground { tracer, coverage, clock, .. } = ground;
     let subject = Subject { tracer, coverage, lightmaps: &lit.lightmaps, max_reflectance: options.max_reflectance };
-    let options = audit::Options { budget, paths: PATHS, seed, level };
+    let options = audit::Options { seed: before as u32 + 1, level, paths: PATHS, ..audit::Options::default() };
+    let (mut look, mut rays) = (Look::new(&options), rays_of_audit(lit));
+    let most = LOOK * rays;
+    clock.time("audit", || {
+        loop {
+            let found = look.until(rays, &subject, observer)?;
+            let open = found.error.is_some_and(|e| e.value <= error && error < e.high);
+            if !open || rays >= most {
+                return Ok(found);
+            }
+            rays *= 2;
+        }
+    })
+}
+/// The figures of points that decided nothing.
+fn told(ground: &mut Ground, lit: &Lit, options: &Options, observer: &dyn Observer) -> Result<Audit> {
+    let Ground { tracer, coverage, clock, .. } = ground;
+    let subject = Subject { tracer, coverage, lightmaps: &lit.lightmaps, max_reflectance: options.max_reflectance };
+    let options = audit::Options { budget: Budget::Rays(rays_of_audit(lit)), paths: PATHS, seed: 0, level: 0.95 };
     clock.time("audit", || Audit::of(&subject, &options, observer))
+}
+
+fn rays_of_audit(lit: &Lit) -> u64 {
+    LEAST.max((lit.transport.stats.traced + lit.added.traced + lit.direct.shadow_rays) / SHARE)
 }
 
 fn look_report(look: &Audit, options: &Options) -> LookReport {
