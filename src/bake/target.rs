@@ -157,7 +157,7 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
         }
         (effort, before) = (more, Some(lit));
     };
-    let audit = told(&mut ground, &lit, &effort, observer)?;
+    let audit = final_audit(&mut ground, &lit, &effort, observer)?;
     let mut baked = ground.baked(lit, &effort);
     baked.report.target = Some(report);
     baked.audit = Some(audit);
@@ -216,7 +216,7 @@ fn look(
     })
 }
 /// The figures of points that decided nothing.
-fn told(ground: &mut Ground, lit: &Lit, options: &Options, observer: &dyn Observer) -> Result<Audit> {
+fn final_audit(ground: &mut Ground, lit: &Lit, options: &Options, observer: &dyn Observer) -> Result<Audit> {
     let Ground { tracer, coverage, clock, .. } = ground;
     let subject = Subject { tracer, coverage, lightmaps: &lit.lightmaps, max_reflectance: options.max_reflectance };
     let options = audit::Options { budget: Budget::Rays(rays_of_audit(lit)), paths: PATHS, seed: 0, level: 0.95 };

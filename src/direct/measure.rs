@@ -78,16 +78,17 @@ pub(super) fn measure(
     let wishes: Vec<u8> = (0..patches.len()).into_par_iter().map(|i| task.wish(&received, i)).collect();
     let edges = some(&|i| wishes[i] > 0);
     observer.begin("direct: shadow edges", edges.len() as u64);
-    let (blocks, mut parts) = (|i: usize| usize::from(wishes[i]), Parts::new(patches.len()));
-    let points = table(rays * MORE);
-    shadow_rays += task.measure(&edges, &points, &blocks, &mut received, Some(&mut parts), observer)?;
+    let blocks = |i: usize| usize::from(wishes[i]);
+    let (points, mut divided) = (table(rays * MORE), Vec::new());
+    let divide = sources.are_punctual().then_some(&mut divided);
+    shadow_rays += task.measure(&edges, &points, &blocks, &mut received, divide, observer)?;
     smooth(coverage, patches, &edges, &mut received);
     Ok(Direct {
         lights: received.iter().map(|r| r.lights).collect(),
         hidden_lights: received.iter().map(|r| r.hidden).collect(),
         emitters: received.iter().map(|r| r.emitters).collect(),
         sky_peaks: received.iter().map(|r| r.sky_peaks).collect(),
-        parts,
+        parts: Parts::new(patches.len(), divided),
         shadow_rays,
         ..Direct::default()
     })
@@ -113,7 +114,7 @@ impl Task<'_> {
         table: &PointTable,
         blocks: &(dyn Fn(usize) -> usize + Sync),
         received: &mut [Received],
-        mut parts: Option<&mut Parts>,
+        mut parts: Option<&mut Vec<(u32, Box<Divided>)>>,
         observer: &dyn Observer,
     ) -> Result<u64> {
         let divide = parts.is_some();
@@ -123,7 +124,7 @@ impl Task<'_> {
             }
             let mut desk = Desk::new(self);
             let one = |&i: &u32| self.texel(i as usize, table, blocks(i as usize), divide, &mut desk);
-            let out: Vec<(Received, Option<Divided>)> = chunk.iter().map(one).collect();
+            let out: Vec<(Received, Option<Box<Divided>>)> = chunk.iter().map(one).collect();
             observer.advance(chunk.len() as u64);
             out
         };
@@ -134,7 +135,7 @@ impl Task<'_> {
             rays += u64::from(one.rays);
             received[i as usize] = one;
             if let (Some(parts), Some(divided)) = (&mut parts, divided) {
-                parts.add(i, divided);
+                parts.push((i, divided));
             }
         }
         Ok(rays)

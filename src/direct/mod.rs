@@ -87,6 +87,11 @@ impl<'s> Sources<'s> {
         Sources { scene, lights: &scene.lights, emitters, peaks: sky::Peaks::new(&scene.sky), faint: 0.0, gathered }
     }
 
+    /// True if some of them are seen as points or small discs, along one ray from each place.
+    fn are_punctual(&self) -> bool {
+        !self.lights.is_empty() || self.peaks.is_some()
+    }
+
     /// Patches that reflect much.
     fn reflecting(tracer: &Tracer<'s>, coverage: &Coverage, patches: &Patches, bright: &bright::Bright) -> Self {
         let emitters = emitters::Emitters::of_patches(&tracer.world, coverage, patches, &bright.exitance);

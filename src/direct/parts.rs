@@ -12,24 +12,23 @@ const COUNT: usize = SIDE * SIDE;
 /// In place of an index: all parts are alike.
 const NONE: u32 = u32::MAX;
 
-/// How irradiance differs from part to part, of the patches that edges of shadows cross.
+/// How irradiance differs from part to part, of the patches at edges of shadows, whose noise has called for more rays.
 #[derive(Clone, Debug, Default)]
 pub struct Parts {
-    /// Of each patch.
+    /// Of each patch; empty if none has parts.
     index: Vec<u32>,
     divided: Vec<Divided>,
 }
 
 impl Parts {
-    /// Of so many patches; none has parts yet.
-    pub(super) fn new(patches: usize) -> Self {
-        Parts { index: vec![NONE; patches], divided: Vec::new() }
-    }
-
-    /// Gives a patch its parts.
-    pub(super) fn add(&mut self, patch: u32, divided: Divided) {
-        self.index[patch as usize] = self.divided.len() as u32;
-        self.divided.push(divided);
+    /// Of so many patches.
+    pub(super) fn new(patches: usize, divided: Vec<(u32, Box<Divided>)>) -> Self {
+        let mut parts = Parts { index: vec![NONE; if divided.is_empty() { 0 } else { patches }], divided: Vec::new() };
+        for (patch, one) in divided {
+            parts.index[patch as usize] = parts.divided.len() as u32;
+            parts.divided.push(*one);
+        }
+        parts
     }
 
     /// Irradiance of the part of a patch in which `spot` lies, beyond that of all of it, W/m^2: 0 on average. `None` if its
@@ -38,11 +37,6 @@ impl Parts {
     pub fn beyond(&self, patch: usize, spot: Vec3) -> Option<Vec3> {
         let divided = self.divided.get(*self.index.get(patch)? as usize)?;
         Some(divided.beyond[divided.grid.part(spot)])
-    }
-
-    /// True if an edge crosses the patch.
-    pub fn divide(&self, patch: usize) -> bool {
-        self.index.get(patch).is_some_and(|&index| index != NONE)
     }
 }
 
@@ -119,7 +113,47 @@ impl Division {
     }
 
     /// The parts; `None` if they are alike.
-    pub fn finish(self) -> Option<Divided> {
-        self.divided.beyond.iter().any(|beyond| *beyond != Vec3::ZERO).then_some(self.divided)
+    pub fn finish(self) -> Option<Box<Divided>> {
+        self.divided.beyond.iter().any(|beyond| *beyond != Vec3::ZERO).then(|| Box::new(self.divided))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn division() -> Division {
+        let grid = Grid { corner: Vec3::ZERO, axes: [Vec3::X * 4.0, Vec3::Y * 4.0] };
+        let divided = Divided { grid, beyond: [Vec3::ZERO; COUNT] };
+        Division { divided, points: [0; COUNT], arrived: [Vec3::ZERO; COUNT] }
+    }
+
+    /// The left half of a unit square is lit by 2, and sources add.
+    #[test]
+    fn parts_differ_from_the_mean_that_the_patch_has() {
+        let mut division = division();
+        for _ in 0..2 {
+            for k in 0..64 {
+                let spot = Vec3::new((k % 8) as f32 + 0.5, (k / 8) as f32 + 0.5, 0.0) / 8.0;
+                division.visit(spot);
+                if spot.x < 0.5 {
+                    division.receive(spot, Vec3::splat(2.0));
+                }
+            }
+            division.end_source(true);
+        }
+        let parts = Parts::new(2, division.finish().into_iter().map(|divided| (1, divided)).collect());
+        let at = |x: f32| parts.beyond(1, Vec3::new(x, 0.3, 0.1)).map(|e| e.x);
+        assert_eq!([at(0.1), at(0.4), at(0.6), at(-1.0), at(7.0)], [2.0, 2.0, -2.0, 2.0, -2.0].map(Some));
+        assert!(parts.beyond(0, Vec3::ZERO).is_none());
+    }
+
+    #[test]
+    fn where_nothing_differs_there_are_no_parts() {
+        let mut division = division();
+        division.visit(Vec3::ZERO);
+        division.receive(Vec3::ZERO, Vec3::ONE);
+        division.end_source(false);
+        assert!(division.finish().is_none());
     }
 }

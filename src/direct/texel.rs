@@ -19,6 +19,8 @@ use glam::{UVec2, Vec2, Vec3};
 /// Points at which closed forms are averaged over the texel, and over one where these differ.
 const EXACT_POINTS: usize = 4;
 const NEAR_POINTS: usize = 64;
+/// Cosine between faces that light reaches alike.
+const FLAT: f32 = 0.999;
 /// Part of the noise that asks for more rays that may come from there.
 const NEAR_NOISE: f32 = 0.25;
 /// Blocks of points among which a partly enclosed texel looks for open ones.
@@ -46,9 +48,16 @@ struct Places<'p> {
     at: UVec2,
     /// With the first.
     blocks: usize,
+    /// True if the texel's faces look to different sides.
+    folded: bool,
 }
 
-impl Places<'_> {
+impl<'p> Places<'p> {
+    fn new(table: &'p PointTable, at: UVec2, footprint: &Footprint) -> Self {
+        let folded = footprint.normals().any(|n| n.dot(footprint.normal()) < FLAT);
+        Places { first: table.block(at.x, at.y, 0), table, at, blocks: table.blocks(), folded }
+    }
+
     /// The points of the blocks after the first, of up to `most`.
     fn beyond(&self, most: usize) -> impl Iterator<Item = &Point> {
         (1..most.min(self.blocks)).flat_map(|pass| self.table.block(self.at.x, self.at.y, pass))
@@ -72,7 +81,7 @@ impl Task<'_> {
         most: usize,
         divide: bool,
         desk: &mut Desk,
-    ) -> (Received, Option<Divided>) {
+    ) -> (Received, Option<Box<Divided>>) {
         let Desk { footprint, cut, few, volley } = desk;
         let (texel, back) = self.patches.texel(patch);
         let at = self.coverage.texels[texel].at;
@@ -82,7 +91,7 @@ impl Task<'_> {
             if back { p.reversed() } else { p }
         };
         let open;
-        let mut places = Places { first: table.block(at.x, at.y, 0), table, at, blocks: table.blocks() };
+        let mut places = Places::new(table, at, footprint);
         if self.patches.validity[patch] < 1.0 {
             open = self.open_points(table, at, &on_surface);
             places = Places { first: &open, blocks: 1, ..places };
@@ -106,26 +115,15 @@ impl Task<'_> {
             r.variance += luminance(tally.sent).powi(2) * tally.spread() / (n * n.sqrt().sqrt());
             r.rays += tally.rays;
         };
-        let folded = footprint.faces().len() > 1;
-        let punctual = |aim: Aims, parts: Option<&mut Division>, volley: &mut Volley| {
-            let tally = self.punctual(&places, most, &on_surface, aim, volley, parts);
-            if points.len() >= NEAR_POINTS || !folded && volley.is_even() {
-                return tally;
-            }
-            let sent = places.some(NEAR_POINTS).map(|point| aim(&on_surface(point.place), point.extra));
-            let add = |(sum, n), aim: Option<Aim>| (aim.map_or(sum, |aim| sum + aim.irradiance), n + 1.0);
-            let (sum, n) = sent.fold((Vec3::ZERO, 0.0), add);
-            tally.of(sum / n)
-        };
         for light in self.sources.lights.iter().filter(|l| l.bake != Bake::None) {
             let aim = |p: &SurfacePoint, u| punctual::aim(light, p, wrapped(u + shift));
-            let tally = punctual(&aim, division.as_mut(), volley);
+            let tally = self.punctual(&places, most, &on_surface, &aim, volley, division.as_mut());
             *(if light.bake == Bake::Full { &mut r.lights } else { &mut r.hidden }) += tally.arrived;
             book(tally, &mut r);
         }
         if let Some(peaks) = &self.sources.peaks {
             let aim = |p: &SurfacePoint, u| peaks.aim(p, wrapped(u + shift));
-            let tally = punctual(&aim, division.as_mut(), volley);
+            let tally = self.punctual(&places, most, &on_surface, &aim, volley, division.as_mut());
             r.sky_peaks += tally.arrived;
             book(tally, &mut r);
         }
@@ -204,7 +202,7 @@ impl Task<'_> {
     }
 
     /// Mean over the texel's points of what arrives from a source that is one ray a point; over more if these disagree. Then
-    /// parts may differ.
+    /// parts may differ. Where few points would not even know the unshadowed light, they only tell the share that arrives.
     fn punctual(
         &self,
         places: &Places,
@@ -214,35 +212,42 @@ impl Task<'_> {
         volley: &mut Volley,
         mut parts: Option<&mut Division>,
     ) -> Tally {
-        let mut n = 0;
-        let mut fire = |points: &mut dyn Iterator<Item = &Point>| {
+        let mut points = 0;
+        let mut fire = |some: &mut dyn Iterator<Item = &Point>| {
             volley.clear();
-            for point in points {
-                n += 1;
+            for point in some {
+                points += 1;
                 let p = on_surface(point.place);
                 if let Some(Aim { direction, distance, irradiance }) = aim(&p, point.extra) {
                     // A hair short of the light: a lamp's own surface may stand at it.
                     volley.aim(&p, direction, distance * (1.0 - 1e-4), irradiance, irradiance);
                 }
                 if let Some(parts) = &mut parts {
-                    parts.visit(p.position);
+                    parts.visit(p.lifted());
                 }
             }
             let tally = volley.fire(self.tracer);
             if let Some(parts) = &mut parts {
                 volley.arrivals().for_each(|(from, light)| parts.receive(from, light));
             }
-            tally
+            (tally, volley.is_even(points))
         };
-        let mut tally = fire(&mut places.first.iter());
+        let (mut tally, even) = fire(&mut places.first.iter());
         let mixed = tally.spread() > 0.0;
         if mixed {
-            tally = tally.and(fire(&mut places.beyond(most)));
+            tally = tally.and(fire(&mut places.beyond(most)).0);
         }
         if let Some(parts) = parts {
             parts.end_source(mixed);
         }
-        tally.scaled(1.0 / n as f32)
+        let tally = tally.scaled(1.0 / points as f32);
+        if points >= NEAR_POINTS || even && !places.folded {
+            return tally;
+        }
+        let sent = places.some(NEAR_POINTS).map(|point| aim(&on_surface(point.place), point.extra));
+        let add = |(sum, n), aim: Option<Aim>| (aim.map_or(sum, |aim| sum + aim.irradiance), n + 1.0);
+        let (sum, n) = sent.fold((Vec3::ZERO, 0.0), add);
+        tally.of(sum / n)
     }
 
     /// What arrives from points of a leaf.

@@ -63,11 +63,11 @@ impl Volley {
         tally
     }
 
-    /// True if all rays carry about the same.
-    pub fn is_even(&self) -> bool {
+    /// True if a ray goes out from each of so many points, or from none, and all carry about the same.
+    pub fn is_even(&self, points: usize) -> bool {
         let lights = || self.shots.iter().map(|shot| luminance(shot.sent));
         let (least, most) = (lights().fold(f32::INFINITY, f32::min), lights().fold(0.0, f32::max));
-        least > EVEN * most
+        self.shots.is_empty() || self.shots.len() == points && least > EVEN * most
     }
 
     /// Where each ray that was fired begins, and what arrived by it.

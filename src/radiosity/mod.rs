@@ -109,8 +109,10 @@ impl Radiosity {
         let mut own = self.by_rows(transport, extra);
         let neighbours = Neighbours { transport, tracer, coverage, patches };
         let parts = if self.report.bounces == Some(0) { &Parts::default() } else { &direct.parts };
-        let all: f64 = (0..patches.fronts).map(|p| f64::from(luminance(direct.total(p) + self.indirect[p]))).sum();
-        let mean = (all / patches.fronts.max(1) as f64) as f32;
+        let open = || (0..patches.fronts).filter(|&p| !patches.buried[p]);
+        let mapped = |p: usize| direct.lights[p] + direct.surroundings(p) + self.indirect[p];
+        let all: f64 = open().map(|p| f64::from(luminance(mapped(p)))).sum();
+        let mean = (all / f64::max(open().count() as f64, 1.0)) as f32;
         let stats = reuse::Gather::new(neighbours, &self.gathered, parts, mean).run(&mut own, observer)?;
         self.spread(transport, &own, extra);
         Ok(stats)

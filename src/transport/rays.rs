@@ -38,6 +38,8 @@ const SURE: usize = 32;
 const FEW: usize = 32;
 /// Rays of a texel that are made at once: the points of its neighbours lie far away in memory.
 const TOGETHER: usize = 8;
+/// Rays of a block of rows that are not kept, about.
+const AT_ONCE: usize = 1 << 16;
 /// Draws of a direction above the face before it is mirrored there.
 const DRAWS: usize = 16;
 
@@ -71,14 +73,17 @@ pub fn sample<T: Send>(
     let shooter = Shooter { sight: Sight::new(tracer, coverage), keep: true, first: Lot::new(part), more: None };
     let columns = Numbering::new(patches.fronts as u32, &patches.backs);
     observer.begin("reuse: more rays", texels.len() as u64);
-    let run = |desk: &mut _, (task, fronts): (Task, &[u32])| {
+    let run = |desk: &mut _, (texels, fronts): (&[u32], &[u32])| {
+        let task = Task { texels: texels.to_vec(), back: false, before: Done::default() };
         let mut done = shooter.block(desk, &task, observer);
         columns.settle(&mut done.block);
         let rows = fronts.iter().zip(&done.buried).enumerate();
         let told = rows.map(|(k, (&r, buried))| if *buried { None } else { of(r, done.block.rays(k)) }).collect();
         (told, done.stats)
     };
-    let tasks = waves::tasks(&texels, false).into_par_iter().zip(fronts.par_chunks(BLOCK));
+    // Long rows take much memory.
+    let together = (AT_ONCE / shooter.first.rays().max(1)).clamp(1, BLOCK);
+    let tasks = texels.par_chunks(together).zip(fronts.par_chunks(together));
     let done: Vec<(Vec<Option<T>>, Stats)> = tasks.map_init(Desk::default, run).collect();
     check(observer)?;
     let (mut out, mut stats) = (Vec::with_capacity(texels.len()), Stats::default());

@@ -144,6 +144,6 @@ fn known(transport: &mut Transport, patches: &Patches) -> Vec<Task> {
 }
 
 /// Those of rows that are not there yet.
-pub(super) fn tasks(texels: &[u32], back: bool) -> Vec<Task> {
+fn tasks(texels: &[u32], back: bool) -> Vec<Task> {
     texels.chunks(BLOCK).map(|some| Task { texels: some.to_vec(), back, before: Done::default() }).collect()
 }

@@ -7,7 +7,7 @@ use crate::{
 };
 use glam::Vec3;
 use luxel::{
-    audit::{Audit, Budget, Interval, Options, Truth},
+    audit::{Audit, Budget, Interval, Look, Options, Truth},
     lightmaps::Reading,
     math::{hash, unit_float},
     progress::Silent,
@@ -132,6 +132,19 @@ fn threads_do_not_matter_and_seeds_do() {
     let [one, three, other] = [on(1, 0), on(3, 0), on(1, 1)].map(|a| format!("{a:?}"));
     assert_eq!(one, three);
     assert_ne!(one, other);
+}
+
+#[test]
+fn a_look_that_goes_on_is_a_longer_one() {
+    let (scene, edge) = laid_out(rooms::seeded(3));
+    let mut blank = Blank::new(&scene, edge);
+    blank.paint(|_| Vec3::splat(0.5));
+    let subject = blank.subject();
+    let (mut steps, mut at_once) = (Look::new(&Options::default()), Look::new(&Options::default()));
+    let until = |look: &mut Look, rays| Audit { seconds: 0.0, ..look.until(rays, &subject, &Silent).unwrap() };
+    let (first, second) = (until(&mut steps, 1_000_000), until(&mut steps, 2_000_000));
+    assert!(first.points >= 16 && second.points > first.points);
+    assert_eq!(format!("{second:?}"), format!("{:?}", until(&mut at_once, 2_000_000)));
 }
 
 /// A first round is drawn in any case, and no second.
