@@ -137,15 +137,22 @@ fn soft_shadows_take_few_rays() {
     assert!(rays < 26.0, "{rays} shadow rays a texel");
 }
 
-/// Beside a window's frame the sky is hidden by degrees: what neighbours see of it must not be taken for one's own.
+/// Beside a window's frame the sky is hidden by degrees: what neighbours see of it must not be taken for one's own. The mean of
+/// a map of 64 rays is off by .0006 by chance, so several tell the bias.
 #[test]
 fn rays_used_again_keep_the_shade_of_a_reveal() {
     let (scene, truth) = read("window");
-    // So many that the sun's edge does not hide it.
-    let options = bake::Options { shadow_rays: 128, ..bake::Options::default() };
-    let baked = bake_with(&scene, &truth, Unwrap::Keep, options);
-    let found = Metrics::new(&truth, &score::texels(&baked.lightmaps, &truth));
-    assert_within(&found, [0.034, 0.03, 0.034], 0.003);
+    let bias = [48, 56, 64, 72].map(|rays| {
+        // So many that the sun's edge does not hide it.
+        let options =
+            bake::Options { transport: transport::Options::of(rays), shadow_rays: 128, ..bake::Options::default() };
+        let baked = bake_with(&scene, &truth, Unwrap::Keep, options);
+        let found = Metrics::new(&truth, &score::texels(&baked.lightmaps, &truth));
+        assert_within(&found, [0.034, 0.03, 0.034], 0.005);
+        found.bias
+    });
+    let mean = bias.iter().sum::<f64>() / 4.0;
+    assert!(mean.abs() < 0.003, "{mean}: {bias:?}");
 }
 
 /// Rows at some of the texels, of a quarter of the rays: within the bounds of all texels.

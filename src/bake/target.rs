@@ -185,7 +185,7 @@ fn most_rays(texels: usize, options: &Options, most: u32) -> u32 {
 /// How many will do, for an error that is `excess` times the target.
 fn more_rays(rays: u32, excess: f64) -> u32 {
     let factor = libm::pow(excess / AIM, 1.0 / POWER).clamp(2.0, f64::from(LEAP));
-    rays * (factor as u32).next_power_of_two()
+    rays * (factor.round() as u32).next_power_of_two()
 }
 
 /// Looks until the target lies outside of the interval, or long enough; the mean figures alone.
@@ -240,7 +240,7 @@ mod tests {
     #[test]
     fn guesses_grow_with_the_excess_and_stay_near() {
         assert_eq!(more_rays(16, 0.9), 32);
-        assert_eq!(more_rays(16, 1.5), 64);
+        assert_eq!([1.1, 1.27, 1.5].map(|excess| more_rays(16, excess)), [32, 64, 64]);
         assert_eq!(more_rays(16, 1000.0), 16 * LEAP);
     }
 
