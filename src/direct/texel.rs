@@ -20,7 +20,7 @@ use glam::{UVec2, Vec2, Vec3};
 const EXACT_POINTS: usize = 4;
 const NEAR_POINTS: usize = 64;
 /// Cosine between faces that light reaches alike.
-const FLAT: f32 = 0.999;
+const FLAT: f32 = 0.99;
 /// Part of the noise that asks for more rays that may come from there.
 const NEAR_NOISE: f32 = 0.25;
 /// Blocks of points among which a partly enclosed texel looks for open ones.
@@ -54,23 +54,21 @@ struct Places<'p> {
 
 impl<'p> Places<'p> {
     fn new(table: &'p PointTable, at: UVec2, footprint: &Footprint) -> Self {
-        let folded = footprint.normals().any(|n| n.dot(footprint.normal()) < FLAT);
+        let normal = footprint.normal();
+        let folded = footprint.normals().any(|n| n.dot(normal) < FLAT);
         Places { first: table.block(at.x, at.y, 0), table, at, blocks: table.blocks(), folded }
     }
 
-    /// The points of the blocks after the first, of up to `most`.
-    fn beyond(&self, most: usize) -> impl Iterator<Item = &Point> {
-        (1..most.min(self.blocks)).flat_map(|pass| self.table.block(self.at.x, self.at.y, pass))
+    /// The blocks after the first, of up to `most`.
+    fn beyond(&self, most: usize) -> impl Iterator<Item = &[Point]> {
+        (1..most.min(self.blocks)).map(|pass| self.table.block(self.at.x, self.at.y, pass))
     }
 
     /// So many points, or all.
     fn some(&self, n: usize) -> impl Iterator<Item = &Point> {
-        self.first.iter().chain(self.beyond(usize::MAX)).take(n)
+        self.first.iter().chain(self.beyond(usize::MAX).flatten()).take(n)
     }
 }
-
-/// A shadow ray to one source from a point, and its sample of the source.
-type Aims<'a> = &'a dyn Fn(&SurfacePoint, Vec2) -> Option<Aim>;
 
 impl Task<'_> {
     /// Looks from up to `most` blocks of points; at the patch's parts, too, if it is to `divide` it.
@@ -132,12 +130,12 @@ impl Task<'_> {
         // The same points for all leaves: what their closed forms share between them sums up.
         let mut exact_at = |n: usize| {
             few.clear();
-            few.extend(places.some(n).map(|p| on_surface(p.place)));
+            few.extend(points.iter().take(n).map(|p| on_surface(p.place)));
             self.exact(near, few)
         };
         let (mut exact, mut variance) = exact_at(EXACT_POINTS);
         let all: f32 = exact.iter().map(|e| luminance(*e)).sum();
-        if variance.sqrt() > NEAR_NOISE * self.noise * all.max(self.faint) {
+        if points.len() > EXACT_POINTS && variance.sqrt() > NEAR_NOISE * self.noise * all.max(self.faint) {
             (exact, variance) = exact_at(NEAR_POINTS);
         }
         r.variance += variance;
@@ -208,15 +206,15 @@ impl Task<'_> {
         places: &Places,
         most: usize,
         on_surface: &impl Fn(Vec2) -> SurfacePoint,
-        aim: Aims,
+        aim: &impl Fn(&SurfacePoint, Vec2) -> Option<Aim>,
         volley: &mut Volley,
         mut parts: Option<&mut Division>,
     ) -> Tally {
         let mut points = 0;
-        let mut fire = |some: &mut dyn Iterator<Item = &Point>| {
+        let mut fire = |some: &[Point]| {
             volley.clear();
+            points += some.len();
             for point in some {
-                points += 1;
                 let p = on_surface(point.place);
                 if let Some(Aim { direction, distance, irradiance }) = aim(&p, point.extra) {
                     // A hair short of the light: a lamp's own surface may stand at it.
@@ -230,18 +228,20 @@ impl Task<'_> {
             if let Some(parts) = &mut parts {
                 volley.arrivals().for_each(|(from, light)| parts.receive(from, light));
             }
-            (tally, volley.is_even(points))
+            (tally, volley.is_even(some.len()))
         };
-        let (mut tally, even) = fire(&mut places.first.iter());
+        let (mut tally, even) = fire(places.first);
         let mixed = tally.spread() > 0.0;
         if mixed {
-            tally = tally.and(fire(&mut places.beyond(most)).0);
+            tally = places.beyond(most).fold(tally, |tally, some| tally.and(fire(some).0));
         }
         if let Some(parts) = parts {
             parts.end_source(mixed);
         }
         let tally = tally.scaled(1.0 / points as f32);
-        if points >= NEAR_POINTS || even && !places.folded {
+        // Where nothing arrives, the share of it is nothing.
+        let dark = tally.rays > 0 && tally.arrived == Vec3::ZERO;
+        if dark || points >= NEAR_POINTS || even && !places.folded {
             return tally;
         }
         let sent = places.some(NEAR_POINTS).map(|point| aim(&on_surface(point.place), point.extra));
