@@ -99,7 +99,8 @@ impl Truth {
     }
 }
 
-/// Draws points beside those of `out` until the budget of all ends (of time: that of this call), and keeps what is wanted of each.
+/// Draws points beside those of `out` until the budget of all ends (of time: that of this call), and keeps what is wanted of
+/// each.
 pub(super) fn draw<T: Send>(
     out: &mut Drawn<T>,
     subject: &Subject,

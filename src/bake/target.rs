@@ -215,6 +215,7 @@ fn look(
         }
     })
 }
+
 /// The figures of points that decided nothing.
 fn final_audit(ground: &mut Ground, lit: &Lit, options: &Options, observer: &dyn Observer) -> Result<Audit> {
     let Ground { tracer, coverage, clock, .. } = ground;

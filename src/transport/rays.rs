@@ -65,7 +65,7 @@ pub fn sample<T: Send>(
     neighbours: &Neighbours,
     fronts: &[u32],
     part: Range<u32>,
-    of: impl Fn(u32, Ends) -> Option<T> + Sync,
+    of: impl Fn(u32, Ends) -> T + Sync,
     observer: &dyn Observer,
 ) -> Result<(Vec<Option<T>>, Stats)> {
     let Neighbours { transport, tracer, coverage, patches } = *neighbours;
@@ -78,7 +78,7 @@ pub fn sample<T: Send>(
         let mut done = shooter.block(desk, &task, observer);
         columns.settle(&mut done.block);
         let rows = fronts.iter().zip(&done.buried).enumerate();
-        let told = rows.map(|(k, (&r, buried))| if *buried { None } else { of(r, done.block.rays(k)) }).collect();
+        let told = rows.map(|(k, (&r, buried))| (!buried).then(|| of(r, done.block.rays(k)))).collect();
         (told, done.stats)
     };
     // Long rows take much memory.

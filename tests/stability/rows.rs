@@ -153,8 +153,8 @@ fn one_transport_serves_every_light() {
     }
 }
 
-/// Cards of 3 x 3 texels before a black wall, that see half of the sky, or high above it, where they see all. None has neighbours enough to
-/// share with, so each has four times the rays; and again where these differ.
+/// Cards of 3 x 3 texels before a black wall, that see half of the sky, or high above it, where they see all. None has
+/// neighbours enough to share with, so each has four times the rays; and again where these differ.
 #[test]
 fn texels_that_are_alone_have_more_rays() {
     let found = |reuse: bool, height: f32| {

@@ -73,7 +73,7 @@ impl Gather<'_> {
             let more = rays..rays.saturating_mul(TIMES);
             rays = more.end;
             let receivers: Vec<u32> = asked.iter().map(|(r, _)| *r).collect();
-            let of = |r, ends: Ends| Some(self.told(r, &ends));
+            let of = |r, ends: Ends| self.told(r, &ends);
             let (told, of_round) = sample(&self.neighbours, &receivers, more, of, observer)?;
             stats += of_round;
             for ((r, sum), told) in asked.iter_mut().zip(told) {
