@@ -11,7 +11,7 @@ use super::{
 };
 use crate::{
     math::{Point, PointTable, hash, luminance, unit_float},
-    patches::{Footprint, SurfacePoint},
+    patches::{Enclosure, Footprint, SurfacePoint},
     scene::Bake,
 };
 use glam::{UVec2, Vec2, Vec3};
@@ -186,7 +186,8 @@ impl Task<'_> {
 
     /// As many points as a block has, or all that few blocks give, that other geometry does not enclose.
     fn open_points(&self, table: &PointTable, at: UVec2, on_surface: &impl Fn(Vec2) -> SurfacePoint) -> Vec<Point> {
-        let (mut open, mut enclosed, wish) = (Vec::new(), 0, table.block(at.x, at.y, 0).len());
+        // Rows have found that it is partly enclosed.
+        let (mut open, mut enclosed, wish) = (Vec::new(), Enclosure::TRUST, table.block(at.x, at.y, 0).len());
         for points in (0..BLOCKS.min(table.blocks())).map(|pass| table.block(at.x, at.y, pass)) {
             let on_surface: Vec<SurfacePoint> = points.iter().map(|p| on_surface(p.place)).collect();
             let holds = self.enclosure.holds(&on_surface, at, Vec2::X, &mut enclosed);

@@ -12,9 +12,18 @@ pub struct Polygon {
 impl Polygon {
     /// A triangle, in either winding.
     pub fn triangle(t: [DVec2; 3]) -> Self {
+        Self::of(t)
+    }
+
+    /// A convex quadrangle, in either winding.
+    pub fn quadrangle(q: [DVec2; 4]) -> Self {
+        Self::of(q)
+    }
+
+    fn of<const N: usize>(some: [DVec2; N]) -> Self {
         let mut corners = [DVec2::ZERO; 8];
-        corners[..3].copy_from_slice(&t);
-        Polygon { corners, count: 3 }
+        corners[..N].copy_from_slice(&some);
+        Polygon { corners, count: N }
     }
 
     /// Its corners in order.
@@ -33,6 +42,18 @@ impl Polygon {
         self.clipped(|c| c[axis] - min).clipped(|c| min + 1.0 - c[axis])
     }
 
+    /// The part in which both coordinates are positive and their sum is below 1: of a polygon in barycentrics, the part in the
+    /// triangle.
+    pub fn clipped_to_triangle(&self) -> Self {
+        self.clipped(|c| c.x).clipped(|c| c.y).clipped(|c| 1.0 - c.x - c.y)
+    }
+
+    /// Its image, by a map that is affine.
+    pub fn map(mut self, to: impl Fn(DVec2) -> DVec2) -> Self {
+        self.corners[..self.count].iter_mut().for_each(|c| *c = to(*c));
+        self
+    }
+
     /// Area, positive.
     pub fn area(&self) -> f64 {
         let c = self.corners();
@@ -42,17 +63,23 @@ impl Polygon {
 
     #[inline]
     fn clipped(&self, inside: impl Fn(DVec2) -> f64) -> Self {
-        let mut out = Polygon { corners: [DVec2::ZERO; 8], count: 0 };
         let c = self.corners();
-        for (i, &b) in c.iter().enumerate() {
-            let a = c[(i + c.len() - 1) % c.len()];
-            let (da, db) = (inside(a), inside(b));
+        // Most are cut by few lines.
+        if c.iter().all(|&c| inside(c) >= 0.0) {
+            return *self;
+        }
+        let mut out = Polygon { corners: [DVec2::ZERO; 8], count: 0 };
+        let Some(mut a) = c.last() else { return out };
+        let mut da = inside(*a);
+        for b in c {
+            let db = inside(*b);
             if (da >= 0.0) != (db >= 0.0) {
                 out.push(a + (b - a) * (da / (da - db)));
             }
             if db >= 0.0 {
-                out.push(b);
+                out.push(*b);
             }
+            (a, da) = (b, db);
         }
         out
     }
@@ -69,6 +96,7 @@ impl Polygon {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DMat2;
 
     #[test]
     fn cells_of_a_triangle_add_up_to_it() {
@@ -78,6 +106,23 @@ mod tests {
             .map(|min| t.clipped_to_cell(min).area())
             .sum();
         assert!((sum - t.area()).abs() < 1e-12, "{sum} {}", t.area());
+    }
+
+    /// The same part of a triangle, by the cell's sides and, in barycentrics, by its own.
+    #[test]
+    fn a_cell_in_a_triangle_is_a_triangle_in_a_cell() {
+        let (o, x, y) = (DVec2::new(0.3, 0.2), DVec2::new(3.4, 1.7), DVec2::new(1.8, 4.4));
+        let to_bary = DMat2::from_cols(x, y).inverse();
+        let mut cut = 0;
+        for k in 0..49 {
+            let min = DVec2::new(f64::from(k % 7), f64::from(k / 7));
+            let cell = [DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y].map(|c| to_bary * (min + c - o));
+            let area = Polygon::quadrangle(cell).clipped_to_triangle().area() * x.perp_dot(y);
+            let other = Polygon::triangle([o, o + x, o + y]).clipped_to_cell(min).area();
+            assert!((area - other).abs() < 1e-12, "{min}: {area} {other}");
+            cut += usize::from(area > 1e-9 && area < 1.0 - 1e-9);
+        }
+        assert!(cut > 9, "{cut}");
     }
 
     #[test]

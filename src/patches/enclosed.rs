@@ -15,8 +15,6 @@ const PROBES: usize = 32;
 const FRONTS: usize = 4;
 /// Those that are traced at once.
 const TOGETHER: usize = 8;
-/// Points of a texel that must be found enclosed by all probes before one beside its ray is trusted for the others.
-const TRUST: usize = 2;
 
 /// Looks around points. A point is enclosed if what it sees are backs, single-sided or not, that do not shine, but for a
 /// few fronts.
@@ -27,6 +25,9 @@ pub struct Enclosure<'a> {
 }
 
 impl<'a> Enclosure<'a> {
+    /// Points of a texel that must be found enclosed by all probes before one beside its ray is trusted for the others.
+    pub const TRUST: usize = 2;
+
     /// Prepares the probes.
     pub fn new(tracer: &'a Tracer<'a>, coverage: &'a Coverage) -> Self {
         Enclosure { tracer, coverage, probes: PointTable::of_directions(0..PROBES, 0x7072_6f62) }
@@ -52,7 +53,7 @@ impl<'a> Enclosure<'a> {
             .map(|seen| matches!(seen, Seen::Back | Seen::Sheet))
             .collect();
         for (p, enclosed) in points.iter().zip(&mut enclosed).filter(|(_, enclosed)| **enclosed) {
-            if *found < TRUST {
+            if *found < Self::TRUST {
                 *enclosed = self.surrounds(p, self.probes.block(at.x, at.y, 1 + *found), turn);
             }
             *found += usize::from(*enclosed);

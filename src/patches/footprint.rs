@@ -159,6 +159,11 @@ impl<'w> Footprint<'w> {
 
     /// Takes on the surface inside `texel`.
     pub fn set(&mut self, texel: usize) {
+        self.set_beside(texel, &[]);
+    }
+
+    /// The same where some `faces` are known, of a texel beside it.
+    pub fn set_beside(&mut self, texel: usize, faces: &[Face]) {
         let (world, coverage) = (self.world, self.coverage);
         self.cells.clear();
         self.before.clear();
@@ -166,7 +171,7 @@ impl<'w> Footprint<'w> {
         let at = coverage.texels[texel].at.as_dvec2();
         let mut sum = 0.0;
         for fragment in coverage.fragments_of(texel) {
-            let known = self.before.iter().find(|face| face.triangle == fragment.triangle);
+            let known = self.before.iter().chain(faces.iter().take(KEPT)).find(|face| face.triangle == fragment.triangle);
             let face = known.cloned().unwrap_or_else(|| Face::new(world, coverage, fragment.triangle));
             sum = cut(&face, self.faces.len() as u32, at, fragment.area, sum, &mut self.cells);
             self.faces.push(face);
@@ -223,6 +228,13 @@ impl<'w> Footprint<'w> {
     /// The pieces of triangles in it.
     pub fn faces(&self) -> &[Face] {
         &self.faces
+    }
+
+    /// The same with the share of its area that each has.
+    pub fn shares(&self) -> impl Iterator<Item = (&Face, f32)> {
+        let of_face = |cells: &[Cell]| (cells[0].face, cells[cells.len() - 1].after - cells[0].before);
+        let areas = self.cells.chunk_by(|a, b| a.face == b.face).map(of_face);
+        areas.map(|(face, area)| (&self.faces[face as usize], area / self.area()))
     }
 
     /// The cell for `u` of the unit square, and the place in the cell; equal areas of the square are equal areas of surface.
@@ -290,16 +302,20 @@ fn cut(face: &Face, index: u32, at: DVec2, area: f32, mut sum: f32, cells: &mut 
             sum = after;
         }
     };
-    let first = face.bary(at);
+    let (first, [x, y]) = (face.bary(at), [face.inverse.x_axis, face.inverse.y_axis]);
     if face.holds_texel(first) {
-        add(true, [first, first + face.inverse.x_axis, first + face.inverse.y_axis], 1.0);
+        add(true, [first, first + x, first + y], 1.0);
         return sum;
     }
-    let clipped = Polygon::triangle(face.uv).clipped_to_cell(at);
+    let mut clipped = Polygon::quadrangle([first, first + x, first + x + y, first + y]).clipped_to_triangle();
+    if clipped.area() == 0.0 {
+        // Rounding ate it: as the coverage was cut, that found some.
+        clipped = Polygon::triangle(face.uv).clipped_to_cell(at).map(|c| face.bary(c));
+    }
     let (total, c) = (clipped.area(), clipped.corners());
     for k in 1..c.len().saturating_sub(1) {
         let share = (c[k] - c[0]).perp_dot(c[k + 1] - c[0]).abs() * 0.5 / total;
-        add(false, [c[0], c[k], c[k + 1]].map(|c| face.bary(c)), share);
+        add(false, [c[0], c[k], c[k + 1]], share);
     }
     sum
 }

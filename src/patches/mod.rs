@@ -166,31 +166,33 @@ fn front(
     footprint.set(texel);
     let at = coverage.texels[texel].at;
     let (mut reflectance, mut emission, mut weight, mut dielectric) = (Vec3::ZERO, Vec3::ZERO, 0.0, 0.0);
-    let uniform = |triangle: u32| {
+    let mut add = |triangle: u32, bary: Vec2, size: f32, share: f32| {
         let (instance, t) = world.locate(triangle);
-        world.scene.is_uniform(world.mesh(instance), t)
-    };
-    let points = match footprint.faces() {
-        [one] if uniform(one.triangle) => &table.block(at.x, at.y, 0)[..1],
-        _ => table.block(at.x, at.y, 0),
-    };
-    for point in points {
-        let p = footprint.point(point.place);
-        let (instance, t) = world.locate(p.triangle);
-        let mesh = world.mesh(instance);
-        let size = texture_footprint(world, coverage, p.triangle) / (points.len() as f32).sqrt();
-        let s = world.scene.surface(mesh, t, p.bary, size);
+        let s = world.scene.surface(world.mesh(instance), t, bary, size);
         // Rays meet this share of it. What it reflects and emits is counted for those that do.
-        let met = 1.0 - s.transmittance.element_sum() / 3.0;
+        let met = share * (1.0 - s.transmittance.element_sum() / 3.0);
         reflectance += s.reflectance * met;
         emission += s.emission * met;
         dielectric += s.dielectric * met;
         weight += met;
+    };
+    let uniform = |face: &Face| {
+        let (instance, t) = world.locate(face.triangle);
+        world.scene.is_uniform(world.mesh(instance), t)
+    };
+    if footprint.faces().iter().all(uniform) {
+        footprint.shares().for_each(|(face, share)| add(face.triangle, Vec2::ZERO, 0.0, share));
+    } else {
+        let points = table.block(at.x, at.y, 0);
+        let share = 1.0 / points.len() as f32;
+        for p in points.iter().map(|point| footprint.point(point.place)) {
+            add(p.triangle, p.bary, texture_footprint(world, coverage, p.triangle) * share.sqrt(), share);
+        }
     }
     let mean = 1.0 / f32::max(weight, 1e-6);
     let (reflectance, emission) = (reflectance * mean, emission * mean);
     Front {
-        area: footprint.area() * weight / points.len() as f32,
+        area: footprint.area() * weight,
         center: footprint.point(Vec2::splat(0.5)).position,
         normal: footprint.normal(),
         reflectance: reflectance.min(Vec3::splat(max_reflectance)),

@@ -18,11 +18,11 @@ use crate::{
     atlas::Coverage,
     error::Result,
     math::{Point, PointTable, hash},
-    patches::{Patches, SurfacePoint},
+    patches::{Enclosure, Patches, SurfacePoint},
     progress::{Observer, check},
     trace::{NOWHERE, Ray, Tracer},
 };
-use glam::{Vec2, Vec3};
+use glam::{IVec2, Vec2, Vec3};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -34,8 +34,10 @@ const PASSES: usize = 4;
 /// Open points that meet backs before the others are taken for open, too; enclosed ones before they are for enclosed.
 const TRUST: usize = 8;
 const SURE: usize = 32;
-/// Fewer rays than this, all of which meet backs, do not yet say that all of the texel is enclosed.
+/// Fewer rays than this, of texels so far from each other, all of which meet backs, do not yet say that all of the texel is
+/// enclosed.
 const FEW: usize = 32;
+const BESIDE: u32 = 2;
 /// Rays of a texel that are made at once: the points of its neighbours lie far away in memory.
 const TOGETHER: usize = 8;
 /// Rays of a block of rows that are not kept, about.
@@ -180,13 +182,24 @@ impl Lot {
 }
 
 impl Shooter<'_> {
-    /// Decides about the points that may be enclosed, and shoots more rays for those that are. `open`: of the rays before, how
-    /// many began outside, if the texel was not enclosed.
-    fn complete(&self, lot: &Lot, receiver: &Receiver, row: &mut Draft, open: Option<f32>, done: &mut Done) {
+    /// Decides about the points that may be enclosed, and shoots more rays for those that are. `buried`: how many rays
+    /// about, its own among them, are of texels all of whose rays meet backs; `open`: of the rays before, how many began outside,
+    /// if the texel was not enclosed.
+    fn complete(
+        &self,
+        lot: &Lot,
+        receiver: &Receiver,
+        row: &mut Draft,
+        buried: usize,
+        open: Option<f32>,
+        done: &mut Done,
+    ) {
         // Few rays may all meet the backs of sheets: then one of their points is looked at.
-        let some = if lot.part.end < FEW { &row.behind[..row.behind.len().min(1)] } else { &[] };
+        let some = if buried < FEW { &row.behind[..row.behind.len().min(1)] } else { &[] };
         let all_behind = open.is_none() && row.behind.len() == lot.rays();
         let enclosed_all = all_behind && self.holds(receiver, some, &mut 0).iter().all(|e| *e);
+        // Beside such texels no more proof is asked for.
+        row.enclosed = if buried < FEW { 0 } else { Enclosure::TRUST };
         self.decide(receiver, row, enclosed_all, &mut done.stats);
         let valid = row.columns.len();
         let buried = enclosed_all || open.is_none() && valid == 0;
@@ -300,11 +313,16 @@ impl Method for Shooter<'_> {
                 }
             }
         }
+        let open = |i: usize| before.buried.get(i).is_some_and(|buried| !buried);
+        let behind = (0..n).filter(|&i| !open(i) && rows[i].behind.len() == lot.rays());
+        let behind: Vec<IVec2> = behind.map(|i| receivers[i].at.as_ivec2()).collect();
         for (i, (receiver, row)) in receivers.iter().zip(rows).enumerate() {
             row.columns.extend(ends[i..].iter().step_by(n).filter(|&&column| column != OPEN));
-            let open = before.buried.get(i).is_some_and(|buried| !buried);
+            let open = open(i);
             let of_before = open.then(|| before.validity[i] * lot.part.start as f32);
-            self.complete(lot, receiver, row, of_before, &mut done);
+            let beside = |at: &&IVec2| at.chebyshev_distance(receiver.at.as_ivec2()) <= BESIDE;
+            let buried = behind.iter().filter(beside).count() * lot.part.end;
+            self.complete(lot, receiver, row, buried, of_before, &mut done);
             if open {
                 row.join(&before.block, i, before.eyes.get(i).filter(|_| keep));
             }

@@ -51,9 +51,10 @@ impl<'a> Receiver<'a> {
         }
     }
 
-    /// Moves to the front or back of a texel; its points are those of `table`.
-    pub fn set(&mut self, texel: u32, back: bool, table: &'a PointTable) {
-        self.footprint.set(texel as usize);
+    /// Moves to the front or back of a texel; its points are those of `table`, and `beside` are faces of a texel that may have
+    /// some of them, too.
+    pub fn set(&mut self, texel: u32, back: bool, table: &'a PointTable, beside: &[Face]) {
+        self.footprint.set_beside(texel as usize, beside);
         (self.at, self.back) = (self.coverage.texels[texel as usize].at, back);
         self.key = hash(texel, u32::from(back));
         let share = unit_float(hash(table.square(self.at), TURN));

@@ -12,7 +12,7 @@ use crate::{
     error,
     math::PointTable,
     memory,
-    patches::Patches,
+    patches::{Face, Patches},
     progress::{Observer, check},
 };
 use rayon::prelude::*;
@@ -64,7 +64,11 @@ impl<'a> Desk<'a> {
         self.receivers.resize_with(self.receivers.len().max(texels.len()), receiver);
         self.rows.resize_with(self.receivers.len(), Draft::default);
         let (receivers, rows) = (&mut self.receivers[..texels.len()], &mut self.rows[..texels.len()]);
-        receivers.iter_mut().zip(texels).for_each(|(r, &texel)| r.set(texel, back, table));
+        let mut beside: &[Face] = &[];
+        for (receiver, &texel) in receivers.iter_mut().zip(texels) {
+            receiver.set(texel, back, table, beside);
+            beside = receiver.footprint.faces();
+        }
         rows.iter_mut().for_each(Draft::clear);
         (receivers, rows)
     }
