@@ -128,6 +128,11 @@ impl Emitters {
         self.triangles.len()
     }
 
+    /// True if nothing emits.
+    pub fn is_empty(&self) -> bool {
+        self.triangles.is_empty()
+    }
+
     /// True if every triangle is worth its closed form everywhere.
     pub fn are_few(&self) -> bool {
         self.len() <= self.exact

@@ -75,7 +75,7 @@ pub(super) fn measure(
     shadow_rays += task.measure(&mixed, &table(rays), &|_| 1, &mut received, None, observer)?;
     mixed.iter().zip(&probed).for_each(|(&i, probed)| received[i as usize] = received[i as usize].after(probed));
     smooth(coverage, patches, &mixed, &mut received);
-    let wishes: Vec<u8> = (0..patches.len()).into_par_iter().map(|i| task.wish(&received, i)).collect();
+    let wishes = task.wishes(&received);
     let edges = some(&|i| wishes[i] > 0);
     observer.begin("direct: shadow edges", edges.len() as u64);
     let blocks = |i: usize| usize::from(wishes[i]);
@@ -157,14 +157,17 @@ impl Task<'_> {
         self.around(patch).any(|n| received[n].mixed || (share(&received[n]) - own).abs() > STEP)
     }
 
-    /// Blocks of points that the noise which is left calls for, of the patch or a neighbour; 0: none.
-    fn wish(&self, received: &[Received], patch: usize) -> u8 {
+    /// Blocks of points that the noise which is left calls for, of each patch or a neighbour; 0: none.
+    fn wishes(&self, received: &[Received]) -> Vec<u8> {
         // Where nothing reflects, there is no mean to hold it against.
         let glare = if self.faint > 0.0 { GLARE * self.faint } else { f32::INFINITY };
         let allowed = |light: f32| self.noise * light.max(self.faint).min(glare);
         let excess = |r: &Received| r.variance.sqrt() / allowed(luminance(r.total())).max(f32::MIN_POSITIVE);
-        let most = self.around(patch).map(|n| excess(&received[n])).fold(0.0, f32::max);
-        let blocks = libm::powf(most, 1.0 / EDGE_POWER) / MORE as f32;
-        if most > 1.0 { blocks.ceil().min(MOST_BLOCKS as f32) as u8 } else { 0 }
+        let mut wishes = vec![0; received.len()];
+        for (patch, excess) in received.iter().map(excess).enumerate().filter(|(_, excess)| *excess > 1.0) {
+            let blocks = (libm::powf(excess, 1.0 / EDGE_POWER) / MORE as f32).ceil().min(MOST_BLOCKS as f32) as u8;
+            self.around(patch).for_each(|n| wishes[n] = blocks.max(wishes[n]));
+        }
+        wishes
     }
 }

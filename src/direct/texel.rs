@@ -125,6 +125,9 @@ impl Task<'_> {
             r.sky_peaks += tally.arrived;
             book(tally, &mut r);
         }
+        if self.sources.emitters.is_empty() {
+            return (Received { sent, arrived, ..r }, division.and_then(Division::finish));
+        }
         self.sources.emitters.cut(&Disc::of_texel(footprint, &on_surface(Vec2::splat(0.5))), cut);
         let (near, far) = self.sources.emitters.divide(cut);
         // The same points for all leaves: what their closed forms share between them sums up.

@@ -171,7 +171,8 @@ impl<'w> Footprint<'w> {
         let at = coverage.texels[texel].at.as_dvec2();
         let mut sum = 0.0;
         for fragment in coverage.fragments_of(texel) {
-            let known = self.before.iter().chain(faces.iter().take(KEPT)).find(|face| face.triangle == fragment.triangle);
+            let known =
+                self.before.iter().chain(faces.iter().take(KEPT)).find(|face| face.triangle == fragment.triangle);
             let face = known.cloned().unwrap_or_else(|| Face::new(world, coverage, fragment.triangle));
             sum = cut(&face, self.faces.len() as u32, at, fragment.area, sum, &mut self.cells);
             self.faces.push(face);

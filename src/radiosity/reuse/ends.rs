@@ -43,6 +43,12 @@ impl List {
         ends.owner[lane] = owner;
     }
 
+    /// Forgets all; keeps the allocation.
+    pub fn clear(&mut self) {
+        self.eights.clear();
+        self.rays = 0;
+    }
+
     /// All of them.
     #[inline(always)]
     pub fn eights(&self) -> &[Ends] {

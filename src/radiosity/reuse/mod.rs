@@ -118,10 +118,10 @@ impl<'a> Gather<'a> {
         let level = Level::best();
         observer.begin("reuse", strips.len() as u64);
         let strip = |&(stride, page, y): &(u32, usize, u32)| {
-            let tiles = 0..coverage.sizes[page].x.div_ceil(TILE * stride);
+            let (tiles, mut pool) = (0..coverage.sizes[page].x.div_ceil(TILE * stride), Pool::default());
             let tiles = tiles
                 .filter(|_| !observer.cancelled())
-                .map(|x| self.tile(page, UVec2::new(x, y) * TILE * stride, stride, level));
+                .map(|x| self.tile(page, UVec2::new(x, y) * TILE * stride, stride, level, &mut pool));
             let found = tiles.flatten().collect();
             observer.advance(1);
             found
@@ -141,7 +141,7 @@ impl<'a> Gather<'a> {
     }
 
     /// New values of the receivers of this stride in the tile that begins at `first`, and in its margin.
-    fn tile(&self, page: usize, first: UVec2, stride: u32, level: Level) -> Vec<Found> {
+    fn tile(&self, page: usize, first: UVec2, stride: u32, level: Level, pool: &mut Pool) -> Vec<Found> {
         let Gather { neighbours, .. } = self;
         let Neighbours { transport, coverage, .. } = neighbours;
         let end = first + TILE * stride;
@@ -162,8 +162,9 @@ impl<'a> Gather<'a> {
         };
         while let Some(&leader) = left.iter().find(|r| inner.contains(r)) {
             let members = neighbours.around(leader, &left, (TILE + MARGIN) * stride);
-            let pool = Pool::new(self, &members);
-            let of_members = members.into_iter().zip(pool.shared(level)).zip(pool.own());
+            pool.collect(self, &members);
+            let shared = pool.shared(level);
+            let of_members = members.into_iter().zip(shared).zip(pool.own());
             let (sharing, mut samples) = self.samples(of_members);
             left.retain(|r| *r != leader && !sharing.contains(r));
             if sharing.len() >= ENOUGH {

@@ -33,7 +33,8 @@ const CHANCE: f32 = 0.5;
 /// Added to D: a ray that nobody could have found counts for nothing.
 pub(super) const NOBODY: f32 = 1e-20;
 
-/// Receivers and all their rays.
+/// Receivers and all their rays. Filled again and again: [`Pool::collect`] keeps the allocations.
+#[derive(Default)]
 pub(super) struct Pool {
     members: Vec<Member>,
     /// Their middle.
@@ -41,6 +42,8 @@ pub(super) struct Pool {
     /// Rays that ended near, each weighed for every receiver, and far away.
     near: List,
     far: List,
+    /// How densely the rays of each member fall on where those near have ended: one row a member.
+    densities: Vec<Eight>,
 }
 
 struct Member {
@@ -55,15 +58,16 @@ struct Member {
 const ZERO: Eight = Eight([0.0; LANES]);
 
 impl Pool {
-    /// Collects the rays of `receivers`.
-    pub fn new(gather: &Gather, receivers: &[u32]) -> Self {
+    /// Collects the rays of `receivers`, in place of those that were there.
+    pub fn collect(&mut self, gather: &Gather, receivers: &[u32]) {
         let transport = gather.neighbours.transport;
         let eyes = || receivers.iter().map(|&r| transport.eyes[r as usize]);
         let count = receivers.len() as f32;
-        let center = eyes().map(|eye| eye.position).sum::<Vec3>() / count;
-        let horizon = Horizon::of(eyes(), center);
-        let (mut near, mut far) = (List::default(), List::default());
-        let mut members = Vec::with_capacity(receivers.len());
+        self.center = eyes().map(|eye| eye.position).sum::<Vec3>() / count;
+        let horizon = Horizon::of(eyes(), self.center);
+        self.members.clear();
+        self.near.clear();
+        self.far.clear();
         for (owner, (eye, &receiver)) in eyes().zip(receivers).enumerate() {
             let ends = transport.rows.ends(receiver as usize);
             let rays = ends.columns.len() as f32;
@@ -75,14 +79,14 @@ impl Pool {
                 let normal = if normal == Vec3::ZERO { facing() } else { normal };
                 sum += radiosity;
                 squares += luminance(radiosity).powi(2);
-                let ends = if horizon.is_far(spot - center, normal) { &mut far } else { &mut near };
+                let is_far = horizon.is_far(spot - self.center, normal);
+                let ends = if is_far { &mut self.far } else { &mut self.near };
                 ends.push(owner as u32, spot, normal, radiosity);
             }
             let own = sum / rays.max(1.0);
             let noise = (squares - rays * luminance(own).powi(2)).max(0.0) / (rays * (rays - 1.0));
-            members.push(Member { eye, rays, own, noise: if rays < 2.0 { f32::INFINITY } else { noise } });
+            self.members.push(Member { eye, rays, own, noise: if rays < 2.0 { f32::INFINITY } else { noise } });
         }
-        Pool { members, center, near, far }
     }
 
     /// What each receiver receives by its own rays, and the variance of its luminance; infinite by one, which does not tell.
@@ -91,12 +95,12 @@ impl Pool {
     }
 
     /// Of each receiver what it receives by the rays of all; `None` if it sees something else.
-    pub fn shared(&self, level: Level) -> Vec<Option<Vec3>> {
+    pub fn shared(&mut self, level: Level) -> Vec<Option<Vec3>> {
         simd::run(level, Share(self))
     }
 }
 
-struct Share<'p>(&'p Pool);
+struct Share<'p>(&'p mut Pool);
 
 /// In plain loops: closures handed to iterators would not be compiled for the instruction set.
 impl Task for Share<'_> {
@@ -104,17 +108,16 @@ impl Task for Share<'_> {
 
     #[inline(always)]
     fn run<S: Lanes>(self) -> Self::Output {
-        let Pool { members, center, near, far } = self.0;
+        let Pool { members, center, near, far, densities } = self.0;
         let near = near.eights();
-        // One row of densities a member.
-        let mut densities = vec![ZERO; members.len() * near.len()];
+        densities.resize(members.len() * near.len(), ZERO);
         for (member, row) in members.iter().zip(densities.chunks_exact_mut(near.len().max(1))) {
             for (end, density) in near.iter().zip(row) {
                 *density = end.density::<S>(&member.eye, member.rays).store();
             }
         }
         let mut bases = Vec::with_capacity(members.len());
-        for member in members {
+        for member in members.iter() {
             bases.push(Basis::of(&member.eye, member.rays, *center));
         }
         let mut shares = vec![true; members.len()];
