@@ -18,7 +18,7 @@ use crate::{
     atlas::Coverage,
     error::Result,
     math::{Point, PointTable, hash},
-    patches::{Enclosure, Patches, SurfacePoint},
+    patches::{Patches, SurfacePoint},
     progress::{Observer, check},
     trace::{NOWHERE, Ray, Tracer},
 };
@@ -182,24 +182,22 @@ impl Lot {
 }
 
 impl Shooter<'_> {
-    /// Decides about the points that may be enclosed, and shoots more rays for those that are. `buried`: how many rays
-    /// about, its own among them, are of texels all of whose rays meet backs; `open`: of the rays before, how many began outside,
-    /// if the texel was not enclosed.
+    /// Decides about the points that may be enclosed, and shoots more rays for those that are. `about`: how many rays
+    /// thereabouts, its own among them, are of texels all of whose rays meet backs; `open`: of the rays before, how many began
+    /// outside, if the texel was not enclosed.
     fn complete(
         &self,
         lot: &Lot,
         receiver: &Receiver,
         row: &mut Draft,
-        buried: usize,
+        about: usize,
         open: Option<f32>,
         done: &mut Done,
     ) {
         // Few rays may all meet the backs of sheets: then one of their points is looked at.
-        let some = if buried < FEW { &row.behind[..row.behind.len().min(1)] } else { &[] };
+        let some = if about < FEW { &row.behind[..row.behind.len().min(1)] } else { &[] };
         let all_behind = open.is_none() && row.behind.len() == lot.rays();
         let enclosed_all = all_behind && self.holds(receiver, some, &mut 0).iter().all(|e| *e);
-        // Beside such texels no more proof is asked for.
-        row.enclosed = if buried < FEW { 0 } else { Enclosure::TRUST };
         self.decide(receiver, row, enclosed_all, &mut done.stats);
         let valid = row.columns.len();
         let buried = enclosed_all || open.is_none() && valid == 0;
@@ -321,8 +319,8 @@ impl Method for Shooter<'_> {
             let open = open(i);
             let of_before = open.then(|| before.validity[i] * lot.part.start as f32);
             let beside = |at: &&IVec2| at.chebyshev_distance(receiver.at.as_ivec2()) <= BESIDE;
-            let buried = behind.iter().filter(beside).count() * lot.part.end;
-            self.complete(lot, receiver, row, buried, of_before, &mut done);
+            let about = behind.iter().filter(beside).count() * lot.part.end;
+            self.complete(lot, receiver, row, about, of_before, &mut done);
             if open {
                 row.join(&before.block, i, before.eyes.get(i).filter(|_| keep));
             }
