@@ -6,7 +6,7 @@ use super::{
     parts::{Divided, Parts},
     received::Received,
     smooth::smooth,
-    texel::Desk,
+    texel::{Desk, NEAR_POINTS},
 };
 use crate::{
     atlas::Coverage,
@@ -54,6 +54,7 @@ pub(super) fn measure(
         patches,
         sources,
         enclosure,
+        many: PointTable::of_places(NEAR_POINTS, 0x6d61_6e79),
         noise: NOISE / (rays as f32).sqrt(),
         faint: sources.faint,
     };
@@ -63,7 +64,7 @@ pub(super) fn measure(
     let table = |points: u32| PointTable::of_places(points.min(MOST) as usize, 0x6469_7265);
 
     observer.begin("direct", patches.len() as u64);
-    let probes = (rays / 16).clamp(4, 64).min(rays);
+    let probes = (rays / 16).clamp(sources.probes(), 64).min(rays);
     let mut shadow_rays = task.measure(&some(&|_| true), &table(probes), &|_| 1, &mut received, None, observer)?;
     if task.faint == 0.0 {
         let reflected: Vec<Vec3> = (0..patches.len()).map(|i| patches.reflectance[i] * received[i].total()).collect();
@@ -100,6 +101,8 @@ pub(super) struct Task<'a> {
     pub patches: &'a Patches,
     pub sources: &'a Sources<'a>,
     pub enclosure: Enclosure<'a>,
+    /// Points for what costs no rays.
+    pub many: PointTable,
     /// Relative standard error that calls for more rays.
     pub noise: f32,
     /// What it is relative to, at least: luminance of irradiance. 0 until probes have told how much light there is.

@@ -92,6 +92,12 @@ impl<'s> Sources<'s> {
         !self.lights.is_empty() || self.peaks.is_some()
     }
 
+    /// Shadow rays that look for edges of shadows, at least: few find those of lamps. What is sampled, emitters and the sky, is
+    /// noise until there are more.
+    fn probes(&self) -> u32 {
+        if self.emitters.is_empty() && self.peaks.is_none() { 4 } else { 8 }
+    }
+
     /// Patches that reflect much.
     fn reflecting(tracer: &Tracer<'s>, coverage: &Coverage, patches: &Patches, bright: &bright::Bright) -> Self {
         let emitters = emitters::Emitters::of_patches(&tracer.world, coverage, patches, &bright.exitance);

@@ -18,7 +18,7 @@ use glam::{UVec2, Vec2, Vec3};
 
 /// Points at which closed forms are averaged over the texel, and over one where these differ.
 const EXACT_POINTS: usize = 4;
-const NEAR_POINTS: usize = 64;
+pub(super) const NEAR_POINTS: usize = 64;
 /// Cosine between faces that light reaches alike.
 const FLAT: f32 = 0.99;
 /// Part of the noise that asks for more rays that may come from there.
@@ -44,6 +44,8 @@ impl<'a> Desk<'a> {
 /// Where on a texel light is looked for: a block of points, or as many open ones, and further blocks.
 struct Places<'p> {
     first: &'p [Point],
+    /// For what costs no rays; as many as there are, at least.
+    many: &'p [Point],
     table: &'p PointTable,
     at: UVec2,
     /// With the first.
@@ -53,20 +55,16 @@ struct Places<'p> {
 }
 
 impl<'p> Places<'p> {
-    fn new(table: &'p PointTable, at: UVec2, footprint: &Footprint) -> Self {
+    fn new(table: &'p PointTable, many: &'p PointTable, at: UVec2, footprint: &Footprint) -> Self {
         let normal = footprint.normal();
         let folded = footprint.normals().any(|n| n.dot(normal) < FLAT);
-        Places { first: table.block(at.x, at.y, 0), table, at, blocks: table.blocks(), folded }
+        let [first, many] = [table, many].map(|table| table.block(at.x, at.y, 0));
+        Places { first, many, table, at, blocks: table.blocks(), folded }
     }
 
     /// The blocks after the first, of up to `most`.
     fn beyond(&self, most: usize) -> impl Iterator<Item = &[Point]> {
         (1..most.min(self.blocks)).map(|pass| self.table.block(self.at.x, self.at.y, pass))
-    }
-
-    /// So many points, or all.
-    fn some(&self, n: usize) -> impl Iterator<Item = &Point> {
-        self.first.iter().chain(self.beyond(usize::MAX).flatten()).take(n)
     }
 }
 
@@ -89,10 +87,10 @@ impl Task<'_> {
             if back { p.reversed() } else { p }
         };
         let open;
-        let mut places = Places::new(table, at, footprint);
+        let mut places = Places::new(table, &self.many, at, footprint);
         if self.patches.validity[patch] < 1.0 {
             open = self.open_points(table, at, &on_surface);
-            places = Places { first: &open, blocks: 1, ..places };
+            places = Places { first: &open, many: &open, blocks: 1, ..places };
         }
         let points = places.first;
         if points.is_empty() {
@@ -248,7 +246,7 @@ impl Task<'_> {
         if dark || points >= NEAR_POINTS || even && !places.folded {
             return tally;
         }
-        let sent = places.some(NEAR_POINTS).map(|point| aim(&on_surface(point.place), point.extra));
+        let sent = places.many.iter().map(|point| aim(&on_surface(point.place), point.extra));
         let add = |(sum, n), aim: Option<Aim>| (aim.map_or(sum, |aim| sum + aim.irradiance), n + 1.0);
         let (sum, n) = sent.fold((Vec3::ZERO, 0.0), add);
         tally.of(sum / n)

@@ -6,7 +6,7 @@ use crate::{
     scene::{World, shading_normal},
     trace::{Ray, Segment, rounding},
 };
-use glam::{DMat2, DVec2, DVec3, Vec2, Vec3};
+use glam::{DMat2, DVec2, DVec3, Mat2, Vec2, Vec3};
 
 /// The surface inside one texel, cut into cells that are affine images of the unit square or its lower half.
 ///
@@ -108,6 +108,20 @@ impl Cell {
     #[inline(always)]
     pub fn position(&self, at: Vec2) -> Vec3 {
         self.origin[0] + self.origin[1] * at.x + self.origin[2] * at.y
+    }
+
+    /// The place in the cell that is nearest to a position, about: moved inside side by side.
+    fn nearest(&self, position: Vec3) -> Vec2 {
+        let [origin, x, y] = self.origin;
+        let way = position - origin;
+        let inverse = Mat2::from_cols(Vec2::new(x.dot(x), x.dot(y)), Vec2::new(x.dot(y), y.dot(y))).inverse();
+        let at = inverse * Vec2::new(way.dot(x), way.dot(y));
+        if !at.is_finite() {
+            return Vec2::ZERO;
+        }
+        let inside = at.clamp(Vec2::ZERO, Vec2::ONE);
+        let beyond = if self.square { 0.0 } else { (inside.element_sum() - 1.0).max(0.0) };
+        (inside - 0.5 * beyond).max(Vec2::ZERO)
     }
 }
 
@@ -262,6 +276,31 @@ impl<'w> Footprint<'w> {
     /// The point for `u` of the unit square.
     pub fn point(&self, u: Vec2) -> SurfacePoint {
         let (cell, f) = self.cell(u);
+        self.at(cell, f)
+    }
+
+    /// The middle of the surface, which may lie beside it.
+    pub fn centroid(&self) -> Vec3 {
+        let middle = |c: &Cell| c.position(if c.square { Vec2::splat(0.5) } else { Vec2::splat(1.0 / 3.0) });
+        self.cells.iter().map(|c| middle(c) * (c.after - c.before)).sum::<Vec3>() / self.area()
+    }
+
+    /// The point of the surface that is nearest to there, about.
+    pub fn middle(&self) -> SurfacePoint {
+        let centroid = self.centroid();
+        let mut nearest = (f32::INFINITY, &self.cells[0], Vec2::ZERO);
+        for cell in &self.cells {
+            let f = cell.nearest(centroid);
+            let distance = cell.position(f).distance_squared(centroid);
+            if distance < nearest.0 {
+                nearest = (distance, cell, f);
+            }
+        }
+        self.at(nearest.1, nearest.2)
+    }
+
+    /// The point at a place of a cell.
+    fn at(&self, cell: &Cell, f: Vec2) -> SurfacePoint {
         let face = &self.faces[cell.face as usize];
         let bary = (cell.bary[0] + cell.bary[1] * f.x + cell.bary[2] * f.y).max(Vec2::ZERO);
         let (normal, frame) = match &face.smooth {

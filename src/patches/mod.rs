@@ -193,7 +193,7 @@ fn front(
     let (reflectance, emission) = (reflectance * mean, emission * mean);
     Front {
         area: footprint.area() * weight,
-        center: footprint.point(Vec2::splat(0.5)).position,
+        center: footprint.middle().position,
         normal: footprint.normal(),
         reflectance: reflectance.min(Vec3::splat(max_reflectance)),
         exitance: emission * std::f32::consts::PI,

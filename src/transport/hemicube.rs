@@ -124,9 +124,8 @@ impl Hemicube<'_> {
         let mut points: Vec<SurfacePoint> = places.map(|place| receiver.surface(place)).collect();
         let middle = points.iter().map(|p| p.position).sum::<Vec3>() / PLACES as f32;
         let far = |p: &SurfacePoint| p.position.distance_squared(middle);
-        // The middle of the unit square is that of a square texel, but may lie at the border of one of several pieces, where
-        // it may look past what encloses all of them.
-        let whole = receiver.surface(Vec2::splat(0.5));
+        // The middle may lie at the border of several pieces, where it may look past what encloses all of them.
+        let whole = receiver.middle();
         if points.iter().all(|p| far(&whole) < far(p)) {
             points.push(whole);
         }

@@ -88,6 +88,12 @@ impl<'a> Receiver<'a> {
         if self.back { p.reversed() } else { p }
     }
 
+    /// The point in the middle, on the side that shoots.
+    pub fn middle(&self) -> SurfacePoint {
+        let p = self.footprint.middle();
+        if self.back { p.reversed() } else { p }
+    }
+
     /// A direction about the shading normal, turned.
     #[inline(always)]
     pub fn turned(&self, p: &SurfacePoint, point: &Point) -> Vec3 {

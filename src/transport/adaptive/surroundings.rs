@@ -69,8 +69,8 @@ fn some(tracer: &Tracer, coverage: &Coverage, table: &PointTable, texels: &[u32]
         footprint.set(texel as usize);
         let at = coverage.texels[texel as usize].at;
         let turn = turn(texel);
-        let middle = footprint.point(Vec2::splat(0.5));
-        let center = centroid(&footprint).unwrap_or(middle.position);
+        let middle = footprint.middle();
+        let center = footprint.centroid();
         let size = footprint.area().sqrt();
         let mut odd = footprint.normals().any(|n| n.dot(middle.face) < SMOOTH);
         for point in table.block(at.x, at.y, 0) {
@@ -95,17 +95,6 @@ fn some(tracer: &Tracer, coverage: &Coverage, table: &PointTable, texels: &[u32]
         around.odd |= enclosure.holds(&behind, at, Vec2::X, &mut 0).contains(&true);
     }
     surroundings
-}
-
-/// The middle of a texel's surface; `None` if it has no area.
-fn centroid(footprint: &Footprint) -> Option<Vec3> {
-    let (mut sum, mut area) = (Vec3::ZERO, 0.0);
-    for [a, b, c] in footprint.triangles() {
-        let twice = (b - a).cross(c - a).length();
-        sum += (a + b + c) * (twice / 3.0);
-        area += twice;
-    }
-    (area > 0.0).then(|| sum / area)
 }
 
 /// The mean shading normal.
