@@ -44,7 +44,7 @@ impl<'a> Desk<'a> {
 /// Where on a texel light is looked for: a block of points, or as many open ones, and further blocks.
 struct Places<'p> {
     first: &'p [Point],
-    /// For what costs no rays; as many as there are, at least.
+    /// More, for what costs no rays; the same where only few are open.
     many: &'p [Point],
     table: &'p PointTable,
     at: UVec2,
@@ -187,12 +187,18 @@ impl Task<'_> {
 
     /// As many points as a block has, or all that few blocks give, that other geometry does not enclose.
     fn open_points(&self, table: &PointTable, at: UVec2, on_surface: &impl Fn(Vec2) -> SurfacePoint) -> Vec<Point> {
-        // Rows have found that it is partly enclosed.
-        let (mut open, mut enclosed, wish) = (Vec::new(), Enclosure::TRUST, table.block(at.x, at.y, 0).len());
+        let (mut open, wish) = (Vec::new(), table.block(at.x, at.y, 0).len());
         for points in (0..BLOCKS.min(table.blocks())).map(|pass| table.block(at.x, at.y, pass)) {
-            let on_surface: Vec<SurfacePoint> = points.iter().map(|p| on_surface(p.place)).collect();
-            let holds = self.enclosure.holds(&on_surface, at, Vec2::X, &mut enclosed);
-            open.extend(points.iter().zip(holds).filter(|(_, enclosed)| !enclosed).map(|(p, _)| *p));
+            let mut left: Vec<&Point> = points.iter().collect();
+            // Rows have proved that it is partly enclosed. What one ray may take for backs all around, another may not.
+            for turn in [Vec2::X, Vec2::NEG_X] {
+                let some: Vec<SurfacePoint> = left.iter().map(|p| on_surface(p.place)).collect();
+                let mut enclosed = self.enclosure.holds(&some, at, turn, &mut Enclosure::TRUST.clone()).into_iter();
+                let holds = |_: &&Point| enclosed.next() == Some(true);
+                let (behind, out): (Vec<&Point>, Vec<&Point>) = left.into_iter().partition(holds);
+                open.extend(out);
+                left = behind;
+            }
             if open.len() >= wish {
                 break;
             }

@@ -1,4 +1,4 @@
-//! Small convex polygons in the plane: clipping to a unit cell (Sutherland and Hodgman, 1974) and area.
+//! Small convex polygons in the plane: clipping to a unit cell or triangle (Sutherland and Hodgman, 1974) and area.
 
 use glam::DVec2;
 

@@ -121,7 +121,7 @@ impl Cell {
         }
         let inside = at.clamp(Vec2::ZERO, Vec2::ONE);
         let beyond = if self.square { 0.0 } else { (inside.element_sum() - 1.0).max(0.0) };
-        (inside - 0.5 * beyond).max(Vec2::ZERO)
+        inside - 0.5 * beyond
     }
 }
 
@@ -348,14 +348,16 @@ fn cut(face: &Face, index: u32, at: DVec2, area: f32, mut sum: f32, cells: &mut 
         return sum;
     }
     let mut clipped = Polygon::quadrangle([first, first + x, first + x + y, first + y]).clipped_to_triangle();
+    let mut place = clipped;
     if clipped.area() == 0.0 {
         // Rounding ate it: as the coverage was cut, that found some.
-        clipped = Polygon::triangle(face.uv).clipped_to_cell(at).map(|c| face.bary(c));
+        clipped = Polygon::triangle(face.uv).clipped_to_cell(at);
+        place = clipped.map(|c| face.bary(c));
     }
-    let (total, c) = (clipped.area(), clipped.corners());
+    let (total, c, b) = (clipped.area(), clipped.corners(), place.corners());
     for k in 1..c.len().saturating_sub(1) {
         let share = (c[k] - c[0]).perp_dot(c[k + 1] - c[0]).abs() * 0.5 / total;
-        add(false, [c[0], c[k], c[k + 1]], share);
+        add(false, [b[0], b[k], b[k + 1]], share);
     }
     sum
 }

@@ -22,7 +22,7 @@ use crate::{
     progress::{Observer, check},
     trace::{NOWHERE, Ray, Tracer},
 };
-use glam::{IVec2, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -34,8 +34,7 @@ const PASSES: usize = 4;
 /// Open points that meet backs before the others are taken for open, too; enclosed ones before they are for enclosed.
 const TRUST: usize = 8;
 const SURE: usize = 32;
-/// Fewer rays than this, of texels so far from each other, all of which meet backs, do not yet say that all of the texel is
-/// enclosed.
+/// Fewer rays than this, of all texels so far around, all of which meet backs, do not yet say that all of the texel is enclosed.
 const FEW: usize = 32;
 const BESIDE: u32 = 2;
 /// Rays of a texel that are made at once: the points of its neighbours lie far away in memory.
@@ -182,8 +181,8 @@ impl Lot {
 }
 
 impl Shooter<'_> {
-    /// Decides about the points that may be enclosed, and shoots more rays for those that are. `about`: how many rays
-    /// thereabouts, its own among them, are of texels all of whose rays meet backs; `open`: of the rays before, how many began
+    /// Decides about the points that may be enclosed, and shoots more rays for those that are. `about`: if all of its
+    /// rays meet backs, how many do thereabouts, if none does not, or of its own; `open`: of the rays before, how many began
     /// outside, if the texel was not enclosed.
     fn complete(
         &self,
@@ -196,8 +195,7 @@ impl Shooter<'_> {
     ) {
         // Few rays may all meet the backs of sheets: then one of their points is looked at.
         let some = if about < FEW { &row.behind[..row.behind.len().min(1)] } else { &[] };
-        let all_behind = open.is_none() && row.behind.len() == lot.rays();
-        let enclosed_all = all_behind && self.holds(receiver, some, &mut 0).iter().all(|e| *e);
+        let enclosed_all = about > 0 && self.holds(receiver, some, &mut 0).iter().all(|e| *e);
         self.decide(receiver, row, enclosed_all, &mut done.stats);
         let valid = row.columns.len();
         let buried = enclosed_all || open.is_none() && valid == 0;
@@ -312,15 +310,26 @@ impl Method for Shooter<'_> {
             }
         }
         let open = |i: usize| before.buried.get(i).is_some_and(|buried| !buried);
-        let behind = (0..n).filter(|&i| !open(i) && rows[i].behind.len() == lot.rays());
-        let behind: Vec<IVec2> = behind.map(|i| receivers[i].at.as_ivec2()).collect();
+        // Of those that have a row already, all rays have met backs; those that are asked for more had others, too.
+        let rays_each = if before.block.is_empty() { lot.rays() } else { lot.part.end };
+        let place = |i: usize| self.sight.coverage.texels[texels[i] as usize];
+        let behind: Vec<bool> = (0..n).map(|i| !open(i) && rows[i].behind.len() == lot.rays()).collect();
+        // One ray beside it that gets out, and a texel has to prove it by its own.
+        let about = |i: usize| {
+            let here = place(i);
+            let beside = |k: &usize| {
+                place(*k).page == here.page && place(*k).at.as_ivec2().chebyshev_distance(here.at.as_ivec2()) <= BESIDE
+            };
+            let mut beside = (0..n).filter(beside);
+            let count = beside.clone().count();
+            rays_each * if beside.all(|k| behind[k]) { count } else { 1 }
+        };
+        let about: Vec<usize> = (0..n).map(|i| if behind[i] { about(i) } else { 0 }).collect();
         for (i, (receiver, row)) in receivers.iter().zip(rows).enumerate() {
             row.columns.extend(ends[i..].iter().step_by(n).filter(|&&column| column != OPEN));
             let open = open(i);
             let of_before = open.then(|| before.validity[i] * lot.part.start as f32);
-            let beside = |at: &&IVec2| at.chebyshev_distance(receiver.at.as_ivec2()) <= BESIDE;
-            let about = behind.iter().filter(beside).count() * lot.part.end;
-            self.complete(lot, receiver, row, about, of_before, &mut done);
+            self.complete(lot, receiver, row, about[i], of_before, &mut done);
             if open {
                 row.join(&before.block, i, before.eyes.get(i).filter(|_| keep));
             }

@@ -164,3 +164,21 @@ fn a_room_without_light_stays_black_beside_a_lit_one() {
         assert!(least > 0.5 * greys(&shot, c).into_iter().fold(f64::INFINITY, f64::min) as f32, "a gutter is dark");
     }
 }
+
+/// A floor between sheets that show their backs, open above: at one texel in three all of few rays meet backs, but those
+/// beside it look out.
+#[test]
+fn between_sheets_few_rays_enclose_nothing() {
+    for rays in [4, 8] {
+        let mut stage = Stage::new();
+        let (floor, sheet) = (stage.material(0.5, 0.0), stage.rgb(Vec3::splat(0.5), Vec3::ZERO, true));
+        let floor = unit_room().face(&mut stage, Face::Bottom, floor, UVec2::ONE, UVec2::splat(16));
+        for side in [Face::Left, Face::Right, Face::Front, Face::Back] {
+            Cuboid { inwards: false, ..unit_room() }.face(&mut stage, side, sheet, UVec2::ONE, UVec2::splat(8));
+        }
+        stage.scene.sky = white(1.0);
+        let shot = shoot(stage, rays);
+        let buried = shot.placed(floor).iter().filter(|(i, _)| shot.baked.patches.buried[*i]).count();
+        assert!(buried <= 5, "{rays} rays: {buried} of 256 texels");
+    }
+}

@@ -200,7 +200,7 @@ fn straighten(samples: &mut [Sample]) {
 /// Bytes of one pool, at most, of rows of so many rays: what every receiver makes of every ray, and the rays.
 pub fn bytes_of_pool(rays: u64) -> u64 {
     let members = u64::from(EDGE * EDGE);
-    members * rays.next_multiple_of(LANES as u64) * (4 * members + 44)
+    members * rays.next_multiple_of(LANES as u64) * (4 * members + 88)
 }
 
 /// Pools that are there at once, at most, on a page of this height.

@@ -110,6 +110,8 @@ impl Task for Share<'_> {
     fn run<S: Lanes>(self) -> Self::Output {
         let Pool { members, center, near, far, densities } = self.0;
         let near = near.eights();
+        densities.clear();
+        densities.reserve_exact(members.len() * near.len());
         densities.resize(members.len() * near.len(), ZERO);
         for (member, row) in members.iter().zip(densities.chunks_exact_mut(near.len().max(1))) {
             for (end, density) in near.iter().zip(row) {
