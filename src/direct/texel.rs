@@ -193,7 +193,7 @@ impl Task<'_> {
             // Rows have proved that it is partly enclosed. What one ray may take for backs all around, another may not.
             for turn in [Vec2::X, Vec2::NEG_X] {
                 let some: Vec<SurfacePoint> = left.iter().map(|p| on_surface(p.place)).collect();
-                let mut enclosed = self.enclosure.holds(&some, at, turn, &mut Enclosure::TRUST.clone()).into_iter();
+                let mut enclosed = self.enclosure.holds(&some, at, turn, &mut { Enclosure::TRUST }).into_iter();
                 let holds = |_: &&Point| enclosed.next() == Some(true);
                 let (behind, out): (Vec<&Point>, Vec<&Point>) = left.into_iter().partition(holds);
                 open.extend(out);
