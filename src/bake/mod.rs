@@ -66,7 +66,7 @@ impl Options {
 }
 
 /// Shadow rays a source, at least, however few rays rows have.
-const LEAST_SHADOW_RAYS: u32 = 16;
+const LEAST_SHADOW_RAYS: u32 = 8;
 /// Rays a row beyond which shadow rays grow with this power of them: errors of rows fall with the power .45 of the rays, at
 /// edges with .625.
 const ROWS_IN_STEP: f64 = 64.0;
@@ -212,7 +212,7 @@ mod tests {
     #[test]
     fn shadow_rays_follow_the_rays() {
         let shadow_rays = |rays: u32| Options::default().with_rays(rays).shadow_rays;
-        assert_eq!([1, 8, 9, 64, 256, 1 << 16].map(shadow_rays), [16, 16, 18, 128, 347, 18820]);
+        assert_eq!([1, 8, 9, 64, 256, 1 << 16].map(shadow_rays), [8, 16, 18, 128, 347, 18820]);
         assert_eq!(shadow_rays(transport::Options::default().rays), Options::default().shadow_rays);
     }
 }

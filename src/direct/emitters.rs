@@ -39,6 +39,8 @@ pub(super) struct Emitters {
 
 struct Emitter {
     corners: [Vec3; 3],
+    /// Of their coordinates, metres.
+    rounding: f32,
     normal: Vec3,
     area: f32,
     /// Mean radiance L.
@@ -72,10 +74,8 @@ pub(super) struct Stratum {
 
 /// A sample of a stratum.
 pub(super) struct Sample {
-    /// Unit direction from the receiver.
-    pub direction: Vec3,
-    /// Distance to the emitter, metres.
-    pub distance: f32,
+    /// The way to the emitter, metres.
+    pub way: Vec3,
     /// Unshadowed irradiance that this sample stands for, times the number of samples.
     pub irradiance: Vec3,
     /// The same for the emitter's mean radiance: what the closed form knows.
@@ -187,16 +187,9 @@ impl Emitters {
     /// A point of the stratum, seen from `p`; `None` if it sends nothing there.
     pub fn sample(&self, scene: &Scene, s: &Stratum, p: &SurfacePoint, u: Vec2) -> Option<Sample> {
         let n = &self.nodes[s.node as usize];
-        let (begin, end) = (self.cumulative[n.begin as usize], self.cumulative[n.end as usize]);
-        let at = begin + f64::from(u.x) * (end - begin);
-        let inside = &self.cumulative[n.begin as usize + 1..n.end as usize];
-        let k = n.begin as usize + inside.partition_point(|&c| c <= at);
+        let (k, share, part) = if n.second == 0 { (n.begin as usize, u.x, 1.0) } else { self.within(n, u.x)? };
         let e = &self.triangles[k];
-        let power = self.cumulative[k + 1] - self.cumulative[k];
-        if power <= 0.0 {
-            return None;
-        }
-        let root = (((at - self.cumulative[k]) / power) as f32).clamp(0.0, 1.0).sqrt();
+        let root = share.sqrt();
         let bary = Vec2::new(root * (1.0 - u.y), root * u.y);
         let [a, b, c] = e.corners;
         let point = a + (b - a) * bary.x + (c - a) * bary.y;
@@ -204,17 +197,28 @@ impl Emitters {
         if side < 0.0 && !e.two_sided {
             return None;
         }
-        let v = point + e.normal * (side * rounding(&e.corners)) - p.lifted();
-        let distance = v.length();
-        let direction = v / distance.max(1e-20);
-        let (cos, cos_e) = (direction.dot(p.normal), -direction.dot(e.normal) * side);
-        if cos <= 0.0 || cos_e <= 0.0 || direction.dot(p.face) <= 0.0 {
+        let way = point + e.normal * (side * e.rounding) - p.lifted();
+        // Cosines, times the way's length.
+        let (cos, cos_e) = (way.dot(p.normal), -way.dot(e.normal) * side);
+        if cos <= 0.0 || cos_e <= 0.0 || way.dot(p.face) <= 0.0 {
             return None;
         }
         let radiance = if e.patterned { e.radiance_at(scene, bary) } else { e.radiance };
-        let geometry = cos * cos_e * e.area / (distance * distance * p.kept());
-        let weight = geometry * ((end - begin) / power) as f32;
-        Some(Sample { direction, distance, irradiance: radiance * weight, mean: e.radiance * weight })
+        let square = way.length_squared();
+        let weight = (cos / square) * (cos_e / square) * (e.area / (p.kept() * part));
+        Some(Sample { way, irradiance: radiance * weight, mean: e.radiance * weight })
+    }
+
+    /// The triangle of an inner node at the share `u` of its power, what of that lies inside the triangle (0..=1), and the
+    /// triangle's part of the power.
+    fn within(&self, n: &Node, u: f32) -> Option<(usize, f32, f32)> {
+        let (begin, end) = (self.cumulative[n.begin as usize], self.cumulative[n.end as usize]);
+        let at = begin + f64::from(u) * (end - begin);
+        let inside = &self.cumulative[n.begin as usize + 1..n.end as usize];
+        let k = n.begin as usize + inside.partition_point(|&c| c <= at);
+        let power = self.cumulative[k + 1] - self.cumulative[k];
+        let share = ((at - self.cumulative[k]) / power) as f32;
+        (power > 0.0).then(|| (k, share.clamp(0.0, 1.0), (power / (end - begin)) as f32))
     }
 }
 
@@ -226,6 +230,7 @@ impl Emitter {
         let material = &world.scene.materials[mesh.primitives[mesh.primitive_of(local)].material as usize];
         let mut e = Emitter {
             corners,
+            rounding: rounding(&corners),
             normal: cross.normalize_or_zero(),
             area: cross.length() * 0.5,
             radiance: material.emission,
@@ -256,6 +261,7 @@ impl Emitter {
         let (patterned, footprint, two_sided) = (false, 0.0, false);
         (area > 0.0).then_some(Emitter {
             corners,
+            rounding: rounding(&corners),
             normal,
             area,
             radiance,
@@ -281,7 +287,7 @@ impl Emitter {
     fn projected_solid_angle(&self, p: &SurfacePoint) -> f32 {
         let facing = (p.position - self.corners[0]).dot(self.normal);
         // A point of the triangle itself, lifted off by rounding, would see it as all of its hemisphere.
-        if facing.abs() <= rounding(&self.corners) || (facing < 0.0 && !self.two_sided) {
+        if facing.abs() <= self.rounding || (facing < 0.0 && !self.two_sided) {
             return 0.0;
         }
         let mut polygon = Corners::new(self.corners.map(|c| c - p.position));

@@ -40,14 +40,14 @@ impl Corners {
 
     /// Half the sum over the edges of the angle they span times the cosine of its plane, seen from the origin.
     pub fn edge_sum(&self, normal: Vec3) -> f32 {
-        let mut sum = 0f64;
+        let mut sum = 0.0;
         for i in 0..self.count {
             let (a, b) = (self.at[i].as_dvec3(), self.at[(i + 1) % self.count].as_dvec3());
             let cross = a.cross(b);
             let sin = cross.length();
             if sin > 0.0 {
                 // The arctangent stays exact where the arccosine of nearly parallel edges does not.
-                sum += libm::atan2(sin, a.dot(b)) * cross.dot(normal.as_dvec3()) / sin;
+                sum += f64::from(libm::atan2f(sin as f32, a.dot(b) as f32)) * cross.dot(normal.as_dvec3()) / sin;
             }
         }
         (0.5 * sum) as f32

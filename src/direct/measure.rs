@@ -72,9 +72,11 @@ pub(super) fn measure(
     }
     let mixed = some(&|i| task.is_mixed(&received, i));
     observer.begin("direct: shadows", mixed.len() as u64);
-    let probed: Vec<Received> = mixed.iter().map(|&i| received[i as usize]).collect();
-    shadow_rays += task.measure(&mixed, &table(rays), &|_| 1, &mut received, None, observer)?;
-    mixed.iter().zip(&probed).for_each(|(&i, probed)| received[i as usize] = received[i as usize].after(probed));
+    if rays > probes {
+        let probed: Vec<Received> = mixed.iter().map(|&i| received[i as usize]).collect();
+        shadow_rays += task.measure(&mixed, &table(rays), &|_| 1, &mut received, None, observer)?;
+        mixed.iter().zip(&probed).for_each(|(&i, probed)| received[i as usize] = received[i as usize].after(probed));
+    }
     smooth(coverage, patches, &mixed, &mut received);
     let wishes = task.wishes(&received);
     let edges = some(&|i| wishes[i] > 0);

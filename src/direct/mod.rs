@@ -112,7 +112,7 @@ const GATHERED_SHARE_OF_MANY: f64 = 0.05;
 /// Shadow rays over those that go to patches that reflect much, and how many do at least, if there are as many. Measured:
 /// with more, errors of the rows hide what is gained.
 const FEWER_TO_PATCHES: u32 = 4;
-const LEAST_TO_PATCHES: u32 = 16;
+const LEAST_TO_PATCHES: u32 = 8;
 
 impl Direct {
     /// Measures every patch. `rays` is the number of shadow rays a source where shadows are mixed, of edges four times

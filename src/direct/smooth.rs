@@ -8,7 +8,7 @@
 use super::received::Received;
 use crate::{
     atlas::Coverage,
-    math::luminance,
+    math::{luminance, simd::LANES},
     patches::{Patches, continues},
 };
 use glam::{IVec2, Vec2, Vec3};
@@ -24,7 +24,7 @@ const ORDER: usize = 6;
 
 /// Fits those of some patches whose own samples disagree.
 pub(super) fn smooth(coverage: &Coverage, patches: &Patches, which: &[u32], received: &mut [Received]) {
-    let full = REACHES.map(|reach| basis(&places(reach).map(|d| d.as_vec2()).collect::<Vec<_>>()));
+    let full = REACHES.map(|reach| Basis::over(&places(reach).map(|d| d.as_vec2()).collect::<Vec<_>>()));
     let samples: Vec<Sample> = received.par_iter().map(Sample::of).collect();
     let smoothed = |&i: &u32| {
         let patch = i as usize;
@@ -61,30 +61,31 @@ fn fit(window: &Window, full: &Basis, samples: &[Sample], received: &[Received])
     if n < ENOUGH {
         return None;
     }
-    let basis = if n == full[0].len() { Cow::Borrowed(full) } else { Cow::Owned(basis(&window.places)) };
-    let (mut noise, mut all) = (0.0, 0.0);
-    let mut values = Vec::with_capacity(n);
-    for Sample { light, variance } in window.texels.iter().map(|&t| &samples[t as usize]) {
-        noise += variance;
-        all += light * light;
-        values.push(*light);
-    }
-    noise /= n as f32;
-    let explained: f32 =
-        basis.iter().map(|phi| phi.iter().zip(&values).map(|(p, v)| p * v).sum::<f32>()).map(|c| c * c).sum();
-    if (all - explained).max(0.0) / (n - ORDER) as f32 > noise {
+    let basis = if n == full.weights.len() { Cow::Borrowed(full) } else { Cow::Owned(Basis::over(&window.places)) };
+    let samples = || window.texels.iter().map(|&t| &samples[t as usize]);
+    let noise = samples().map(|s| s.variance).sum::<f32>() / n as f32;
+    let values: Vec<f32> = samples().map(|s| s.light).collect();
+    let explained: f32 = basis.phi.iter().map(|phi| dot(phi, &values)).map(|c| c * c).sum();
+    if (dot(&values, &values) - explained).max(0.0) / (n - ORDER) as f32 > noise {
         return None;
     }
-    let middle = window.middle();
-    let weight = |m: usize| basis.iter().map(|phi| phi[m] * phi[middle]).sum::<f32>();
-    let weights: Vec<f32> = (0..n).map(weight).collect();
-    let own = received[window.texels[middle] as usize];
+    let own = received[window.texels[middle(&window.places)] as usize];
     let zero = own.zip(&own, |_, _| Vec3::ZERO);
     let add =
         |sum: Received, (&t, &weight): (&u32, &f32)| sum.zip(&received[t as usize], |sum, light| sum + light * weight);
-    let sum = window.texels.iter().zip(&weights).fold(zero, add);
-    let variance = noise * weights.iter().map(|w| w * w).sum::<f32>();
+    let sum = window.texels.iter().zip(&basis.weights).fold(zero, add);
+    let variance = noise * dot(&basis.weights, &basis.weights);
     Some(Received { variance, ..sum.zip(&zero, Vec3::max) })
+}
+
+/// Sums eight products at a time.
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
+    let mut sums = [0.0; LANES];
+    for (a, b) in a.iter().zip(b) {
+        sums.iter_mut().zip(a.iter().zip(b)).for_each(|(sum, (a, b))| *sum += a * b);
+    }
+    sums.iter().sum::<f32>() + a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum::<f32>()
 }
 
 /// A texel and those around it on the same smooth surface, and where they lie from it.
@@ -93,32 +94,50 @@ struct Window {
     places: Vec<Vec2>,
 }
 
-/// Of each polynomial the value at every place.
-type Basis = [Vec<f32>; ORDER];
-
 /// Places as far as this from the middle, row by row.
 fn places(reach: i32) -> impl Iterator<Item = IVec2> {
     (-reach..=reach).flat_map(move |y| (-reach..=reach).map(move |x| IVec2::new(x, y)))
 }
 
-/// Orthonormal polynomials over some places (Gram and Schmidt).
-fn basis(places: &[Vec2]) -> Basis {
-    let monomials: [fn(f32, f32) -> f32; ORDER] =
-        [|_, _| 1.0, |x, _| x, |_, y| y, |x, _| x * x, |x, y| x * y, |_, y| y * y];
-    let mut basis = Basis::default();
-    for (k, monomial) in monomials.into_iter().enumerate() {
-        let mut phi: Vec<f32> = places.iter().map(|p| monomial(p.x, p.y)).collect();
-        for other in &basis[..k] {
-            let along: f32 = phi.iter().zip(other).map(|(a, b)| a * b).sum();
-            phi.iter_mut().zip(other).for_each(|(a, b)| *a -= along * b);
+/// Orthonormal polynomials over some places.
+#[derive(Clone)]
+struct Basis {
+    /// Of each the value at every place.
+    phi: [Vec<f32>; ORDER],
+    /// What every place's value weighs in that of the fit at the middle.
+    weights: Vec<f32>,
+}
+
+impl Basis {
+    /// Gram and Schmidt's.
+    fn over(places: &[Vec2]) -> Self {
+        let monomials: [fn(f32, f32) -> f32; ORDER] =
+            [|_, _| 1.0, |x, _| x, |_, y| y, |x, _| x * x, |x, y| x * y, |_, y| y * y];
+        let mut basis: [Vec<f32>; ORDER] = Default::default();
+        for (k, monomial) in monomials.into_iter().enumerate() {
+            let mut phi: Vec<f32> = places.iter().map(|p| monomial(p.x, p.y)).collect();
+            for other in &basis[..k] {
+                let along = dot(&phi, other);
+                phi.iter_mut().zip(other).for_each(|(a, b)| *a -= along * b);
+            }
+            let length = dot(&phi, &phi).sqrt();
+            // What the others say already says nothing.
+            let scale = if length > 1e-3 { 1.0 / length } else { 0.0 };
+            phi.iter_mut().for_each(|a| *a *= scale);
+            basis[k] = phi;
         }
-        let length = phi.iter().map(|a| a * a).sum::<f32>().sqrt();
-        // What the others say already says nothing.
-        let scale = if length > 1e-3 { 1.0 / length } else { 0.0 };
-        phi.iter_mut().for_each(|a| *a *= scale);
-        basis[k] = phi;
+        let mut weights = vec![0.0; places.len()];
+        for phi in &basis {
+            let middle = phi[middle(places)];
+            weights.iter_mut().zip(phi).for_each(|(w, phi)| *w += phi * middle);
+        }
+        Basis { phi: basis, weights }
     }
-    basis
+}
+
+/// Which of some places is the texel itself.
+fn middle(places: &[Vec2]) -> usize {
+    places.iter().position(|d| *d == Vec2::ZERO).unwrap_or(0)
 }
 
 impl Window {
@@ -146,10 +165,5 @@ impl Window {
         let mut inside = self.places.iter().map(|d| d.abs().max_element() <= reach as f32);
         self.texels.retain(|_| inside.next() == Some(true));
         self.places.retain(|d| d.abs().max_element() <= reach as f32);
-    }
-
-    /// Which of them is the texel.
-    fn middle(&self) -> usize {
-        self.places.iter().position(|d| *d == Vec2::ZERO).unwrap_or(0)
     }
 }

@@ -17,7 +17,7 @@ use crate::{
 use glam::{UVec2, Vec2, Vec3};
 
 /// Points at which closed forms are averaged over the texel, and over one where these differ.
-const EXACT_POINTS: usize = 4;
+const EXACT_POINTS: usize = 2;
 pub(super) const NEAR_POINTS: usize = 64;
 /// Cosine between faces that light reaches alike.
 const FLAT: f32 = 0.99;
@@ -316,8 +316,8 @@ impl Task<'_> {
     /// Aims at a point of the stratum; what comes from there is worth `weight`.
     fn to_emitter(&self, stratum: &Stratum, p: &SurfacePoint, u: Vec2, weight: f32, volley: &mut Volley) {
         let sample = self.sources.emitters.sample(self.sources.scene, stratum, p, u);
-        if let Some(Sample { direction, distance, irradiance, mean }) = sample {
-            volley.aim(p, direction, distance * (1.0 - 1e-5), mean * weight, irradiance * weight);
+        if let Some(Sample { way, irradiance, mean }) = sample {
+            volley.aim(p, way, 1.0 - 1e-5, mean * weight, irradiance * weight);
         }
     }
 }
