@@ -26,6 +26,10 @@ pub(super) struct Disc {
     two_sided: bool,
 }
 
+/// Size over distance, and difference of normals, up to which the middle stands for all: what is left is of second order, up
+/// to twice the square of this.
+const POINT: f32 = 1.0 / 32.0;
+
 impl Disc {
     /// Bounds of a texel around its middle.
     pub fn of_texel(footprint: &Footprint, middle: &SurfacePoint) -> Self {
@@ -54,6 +58,11 @@ impl Disc {
     pub fn take_normal(&mut self, normal: Vec3, two_sided: bool) {
         self.spread = self.spread.max(normal.distance(self.normal));
         self.two_sided |= two_sided;
+    }
+
+    /// True if this is small and flat enough to look like a point to all of `other`.
+    pub fn is_point_to(&self, other: &Disc) -> bool {
+        self.spread < POINT && self.radius < POINT * (self.center.distance(other.center) - other.radius)
     }
 
     /// The largest cosine at which any of this may see any of `other`, about; 0 only if it sees nothing of it.

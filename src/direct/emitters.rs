@@ -173,6 +173,11 @@ impl Emitters {
         e.radiance * (e.projected_solid_angle(p) / p.kept())
     }
 
+    /// True if a texel in `receiver` is as good as its middle to all of some leaves.
+    pub fn see_a_point(&self, leaves: &[Stratum], receiver: &Disc) -> bool {
+        leaves.iter().all(|s| receiver.is_point_to(&self.nodes[s.node as usize].disc))
+    }
+
     /// Sorts the cut into the triangles that are near or matter most, each worth its closed form, and the rest.
     pub fn divide<'c>(&self, cut: &'c mut [Stratum]) -> (&'c [Stratum], &'c [Stratum]) {
         let leaf = |s: &Stratum| self.nodes[s.node as usize].second == 0;

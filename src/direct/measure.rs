@@ -64,7 +64,7 @@ pub(super) fn measure(
     let table = |points: u32| PointTable::of_places(points.min(MOST) as usize, 0x6469_7265);
 
     observer.begin("direct", patches.len() as u64);
-    let probes = (rays / 16).clamp(sources.probes(), 64).min(rays);
+    let probes = (rays / 16).clamp(sources.probes(), 64).min(rays.div_ceil(2));
     let mut shadow_rays = task.measure(&some(&|_| true), &table(probes), &|_| 1, &mut received, None, observer)?;
     if task.faint == 0.0 {
         let reflected: Vec<Vec3> = (0..patches.len()).map(|i| patches.reflectance[i] * received[i].total()).collect();

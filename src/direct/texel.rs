@@ -16,8 +16,8 @@ use crate::{
 };
 use glam::{UVec2, Vec2, Vec3};
 
-/// Points at which closed forms are averaged over the texel, and over one where these differ.
-const EXACT_POINTS: usize = 2;
+/// Points at which closed forms are averaged over the texel, unless its middle stands for it, and where these differ.
+const EXACT_POINTS: usize = 4;
 pub(super) const NEAR_POINTS: usize = 64;
 /// Cosine between faces that light reaches alike.
 const FLAT: f32 = 0.99;
@@ -126,7 +126,9 @@ impl Task<'_> {
         if self.sources.emitters.is_empty() {
             return (Received { sent, arrived, ..r }, division.and_then(Division::finish));
         }
-        self.sources.emitters.cut(&Disc::of_texel(footprint, &on_surface(Vec2::splat(0.5))), cut);
+        let middle = if back { footprint.middle().reversed() } else { footprint.middle() };
+        let disc = Disc::of_texel(footprint, &middle);
+        self.sources.emitters.cut(&disc, cut);
         let (near, far) = self.sources.emitters.divide(cut);
         // The same points for all leaves: what their closed forms share between them sums up.
         let mut exact_at = |n: usize| {
@@ -134,7 +136,12 @@ impl Task<'_> {
             few.extend(points.iter().take(n).map(|p| on_surface(p.place)));
             self.exact(near, few)
         };
-        let (mut exact, mut variance) = exact_at(EXACT_POINTS);
+        let all_open = self.patches.validity[patch] == 1.0;
+        let (mut exact, mut variance) = if all_open && self.sources.emitters.see_a_point(near, &disc) {
+            self.exact(near, &[middle])
+        } else {
+            exact_at(EXACT_POINTS)
+        };
         let all: f32 = exact.iter().map(|e| luminance(*e)).sum();
         if points.len() > EXACT_POINTS && variance.sqrt() > NEAR_NOISE * self.noise * all.max(self.faint) {
             (exact, variance) = exact_at(NEAR_POINTS);

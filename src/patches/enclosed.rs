@@ -52,20 +52,30 @@ impl<'a> Enclosure<'a> {
             .into_iter()
             .map(|seen| matches!(seen, Seen::Back | Seen::Sheet))
             .collect();
+        let inside: Vec<&SurfacePoint> = points.iter().zip(&enclosed).filter(|(_, e)| **e).map(|(p, _)| p).collect();
+        // What holds for all of them holds for each.
+        if *found < Self::TRUST
+            && inside.len() > 1
+            && self.surround(&inside, self.probes.block(at.x, at.y, 1 + *found), turn)
+        {
+            *found += inside.len();
+            return enclosed;
+        }
         for (p, enclosed) in points.iter().zip(&mut enclosed).filter(|(_, enclosed)| **enclosed) {
             if *found < Self::TRUST {
-                *enclosed = self.surrounds(p, self.probes.block(at.x, at.y, 1 + *found), turn);
+                *enclosed = self.surround(&[p], self.probes.block(at.x, at.y, 1 + *found), turn);
             }
             *found += usize::from(*enclosed);
         }
         enclosed
     }
 
-    /// True if no probe gets out, and few meet fronts.
-    fn surrounds(&self, p: &SurfacePoint, probes: &[Point], turn: Vec2) -> bool {
+    /// True if no probe gets out, from one of the points after the other, and few meet fronts.
+    fn surround(&self, points: &[&SurfacePoint], probes: &[Point], turn: Vec2) -> bool {
         let (mut fronts, mut sheets) = (0, 0);
+        let probes: Vec<(&SurfacePoint, &Point)> = points.iter().copied().cycle().zip(probes).collect();
         probes.chunks(TOGETHER).all(|few| {
-            let seen = self.look(few.iter().map(|probe| (p, probe)), turn);
+            let seen = self.look(few.iter().copied(), turn);
             let count = |what| seen.iter().filter(|s| **s == what).count();
             fronts += count(Seen::Front);
             sheets += count(Seen::Sheet);
