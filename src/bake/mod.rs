@@ -9,7 +9,7 @@ pub use target::{Quality, Target, bake_to};
 use crate::{
     atlas::{self, Atlas, Coverage},
     audit::Audit,
-    direct::{Direct, Sources, sky_cells},
+    direct::{Direct, Kept, Sources, sky_cells},
     error::Result,
     lightmaps::{Content, Lightmaps},
     memory,
@@ -108,6 +108,8 @@ struct Ground<'s> {
     patches: Patches,
     warnings: Vec<String>,
     clock: Clock,
+    /// True if more effort may follow, which what is measured is kept for.
+    grows: bool,
     /// Memory (MB) that was taken before rooms took theirs.
     taken_mb: u64,
 }
@@ -119,6 +121,8 @@ struct Lit {
     /// Rays beside those of rows.
     added: Stats,
     direct: Direct,
+    /// Shadow rays, if more may join.
+    shadows: Kept,
     radiosity: Radiosity,
     energy: EnergyReport,
     lightmaps: Lightmaps,
@@ -140,24 +144,28 @@ impl<'s> Ground<'s> {
         observer.begin("trace", 0);
         let tracer = clock.time("trace", || Tracer::new(world));
         let patches = clock.time("patches", || Patches::new(&tracer.world, &coverage, options.max_reflectance));
-        Ok(Ground { tracer, atlas, coverage, patches, warnings, clock, taken_mb })
+        Ok(Ground { tracer, atlas, coverage, patches, warnings, clock, grows: false, taken_mb })
     }
 
-    /// Keeps the rows of `before`, if it can.
+    /// Keeps the rows and shadow rays of `before`, if it can.
     fn light(&mut self, options: &Options, before: Option<Lit>, observer: &dyn Observer) -> Result<Lit> {
-        let Ground { tracer, atlas, coverage, clock, .. } = self;
+        let Ground { tracer, atlas, coverage, clock, grows, .. } = self;
         let rows = &options.transport;
-        let (kept, mut patches) = match before.filter(|lit| lit.transport.can_refine(rows)) {
-            Some(Lit { transport, patches, .. }) => (Some(transport), patches),
-            None => (None, self.patches.clone()),
+        let (kept, mut patches, mut shadows) = match before.filter(|lit| lit.transport.can_refine(rows)) {
+            Some(Lit { transport, patches, shadows, .. }) => (Some(transport), patches, shadows),
+            None => (None, self.patches.clone(), Kept::default()),
         };
         let transport = clock.time("transport", || match kept {
             Some(transport) => transport.refine(tracer, coverage, &mut patches, rows, observer),
             None => Transport::measure(tracer, coverage, &mut patches, rows, observer),
         })?;
         let sources = Sources::new(tracer, &patches);
-        let direct = clock
-            .time("direct", || Direct::measure(tracer, coverage, &patches, &sources, options.shadow_rays, observer))?;
+        let direct = clock.time("direct", || {
+            Direct::refine(&mut shadows, tracer, coverage, &patches, &sources, options.shadow_rays, observer)
+        })?;
+        if !*grows {
+            shadows = Kept::default();
+        }
         let sky = sky_cells(&tracer.world.scene.sky);
         let mut radiosity = clock.time("radiosity", || {
             Radiosity::solve(&transport, &patches, &direct, &sky, sources.gathered, &options.radiosity, observer)
@@ -171,7 +179,7 @@ impl<'s> Ground<'s> {
         let lightmaps = clock.time("lightmaps", || {
             Lightmaps::new(&tracer.world, atlas, coverage, &patches, &direct, &radiosity, options.content)
         });
-        Ok(Lit { patches, transport, added, direct, radiosity, energy, lightmaps })
+        Ok(Lit { patches, transport, added, direct, shadows, radiosity, energy, lightmaps })
     }
 
     fn baked(mut self, lit: Lit, options: &Options) -> Baked<'s> {

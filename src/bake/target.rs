@@ -98,8 +98,8 @@ const LOOK: u64 = 4;
 
 /// Bakes `scene` until the target is reached, or cannot be: `options` but for the rays. [`Report::target`] says which.
 ///
-/// Rows keep the rays that they have, and others join them. Adaptive receivers are not the same ones where rays are more:
-/// there, all rows are measured anew. So is direct light.
+/// Rows and direct light keep the rays that they have, and others join them. Adaptive receivers are not the same ones where
+/// rays are more: there, all is measured anew.
 ///
 /// [`Report::target`]: crate::report::Report::target
 pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observer: &dyn Observer) -> Result<Baked<'s>> {
@@ -112,7 +112,7 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
     }
     let first = if target.error.is_some_and(|e| e >= SEEN) { ROUGH } else { FINE };
     let mut effort = options.clone().with_rays(first);
-    let mut ground = Ground::new(scene, &effort, observer)?;
+    let mut ground = Ground { grows: true, ..Ground::new(scene, &effort, observer)? };
     let most = most_rays(ground.coverage.texels.len(), options, target.most_rays);
     let mut report = TargetReport { error: target.error, ..TargetReport::default() };
     let (mut before, mut kept) = (None, 0);

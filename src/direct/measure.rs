@@ -16,7 +16,7 @@ use crate::{
     progress::{Observer, check},
     trace::Tracer,
 };
-use glam::{IVec2, Vec3};
+use glam::IVec2;
 use rayon::prelude::*;
 
 /// Texels that one task takes.
@@ -36,15 +36,31 @@ const EDGE_POWER: f32 = 0.625;
 const FAINT: f32 = 0.25;
 /// And against so many times that at most: errors of a bright spot are far above the mean.
 const GLARE: f32 = 16.0;
+/// Of the points.
+const SEED: u32 = 0x6469_7265;
 /// Difference of arriving shares between neighbours that calls for more rays.
 const STEP: f32 = 0.02;
 
+/// What shadow rays have told of every patch, before neighbours smooth it; more of them may join.
+#[derive(Default)]
+pub(super) struct Known {
+    received: Vec<Received>,
+    parts: Parts,
+    /// Of the patches, when the rays were shot.
+    validity: Vec<f32>,
+    shadow_rays: u64,
+    /// Times that rays were shot.
+    times: u32,
+}
+
+/// The light of `sources`, from as many points as `rays` call for, with those that are `known`.
 pub(super) fn measure(
     tracer: &Tracer,
     coverage: &Coverage,
     patches: &Patches,
     sources: &Sources,
     rays: u32,
+    known: &mut Known,
     observer: &dyn Observer,
 ) -> Result<Direct> {
     let enclosure = Enclosure::new(tracer, coverage);
@@ -58,43 +74,137 @@ pub(super) fn measure(
         noise: NOISE / (rays as f32).sqrt(),
         faint: sources.faint,
     };
-    let mut received = vec![Received::default(); patches.len()];
-    let some =
-        |holds: &dyn Fn(usize) -> bool| (0..patches.len() as u32).filter(|&i| holds(i as usize)).collect::<Vec<_>>();
-    let table = |points: u32| PointTable::of_places(points.min(MOST) as usize, 0x6469_7265);
+    let some = |holds: &(dyn Fn(usize) -> bool + Sync)| -> Vec<u32> {
+        (0..patches.len() as u32).into_par_iter().filter(|&i| holds(i as usize)).collect()
+    };
+    let mut looks = Looks::begin(known, patches);
 
     observer.begin("direct", patches.len() as u64);
     let probes = (rays / 16).clamp(sources.probes(), 64).min(rays.div_ceil(2));
-    let mut shadow_rays = task.measure(&some(&|_| true), &table(probes), &|_| 1, &mut received, None, observer)?;
+    looks.look(&task, &some(&|_| true), probes, observer)?;
     if task.faint == 0.0 {
-        let reflected: Vec<Vec3> = (0..patches.len()).map(|i| patches.reflectance[i] * received[i].total()).collect();
-        task.faint = FAINT * mean_radiosity(patches, &reflected);
+        let reflected = |i: usize| patches.reflectance[i] * looks.received[i].total();
+        task.faint = FAINT * mean_radiosity(patches, &(0..patches.len()).map(reflected).collect::<Vec<_>>());
     }
-    let mixed = some(&|i| task.is_mixed(&received, i));
+    let mixed = some(&|i| task.is_mixed(&looks.received, i));
     observer.begin("direct: shadows", mixed.len() as u64);
     if rays > probes {
-        let probed: Vec<Received> = mixed.iter().map(|&i| received[i as usize]).collect();
-        shadow_rays += task.measure(&mixed, &table(rays), &|_| 1, &mut received, None, observer)?;
-        mixed.iter().zip(&probed).for_each(|(&i, probed)| received[i as usize] = received[i as usize].after(probed));
+        looks.look(&task, &mixed, rays, observer)?;
     }
-    smooth(coverage, patches, &mixed, &mut received);
-    let wishes = task.wishes(&received);
+    smooth(coverage, patches, &mixed, &mut looks.received);
+    let wishes = task.wishes(&looks.received, rays.saturating_mul(MORE));
     let edges = some(&|i| wishes[i] > 0);
     observer.begin("direct: shadow edges", edges.len() as u64);
-    let blocks = |i: usize| usize::from(wishes[i]);
-    let (points, mut divided) = (table(rays * MORE), Vec::new());
-    let divide = sources.are_punctual().then_some(&mut divided);
-    shadow_rays += task.measure(&edges, &points, &blocks, &mut received, divide, observer)?;
-    smooth(coverage, patches, &edges, &mut received);
-    Ok(Direct {
-        lights: received.iter().map(|r| r.lights).collect(),
-        hidden_lights: received.iter().map(|r| r.hidden).collect(),
-        emitters: received.iter().map(|r| r.emitters).collect(),
-        sky_peaks: received.iter().map(|r| r.sky_peaks).collect(),
-        parts: Parts::new(patches.len(), divided),
-        shadow_rays,
-        ..Direct::default()
-    })
+    looks.look_at_edges(&task, &edges, rays.saturating_mul(MORE), &wishes, observer)?;
+    smooth(coverage, patches, &edges, &mut looks.received);
+    Ok(looks.end())
+}
+
+/// Looks at patches, one closer than the other.
+struct Looks<'k> {
+    /// What was known before.
+    known: &'k mut Known,
+    /// What the last look at each patch has told.
+    last: Vec<Received>,
+    /// Both together, or what neighbours make of it.
+    received: Vec<Received>,
+}
+
+impl<'k> Looks<'k> {
+    /// Nothing is known of new patches, nor of those that have turned out to be partly enclosed.
+    fn begin(known: &'k mut Known, patches: &Patches) -> Self {
+        if known.times > 0 {
+            known.received.resize(patches.len(), Received::default());
+        }
+        let open = |validity: &f32| *validity == 1.0;
+        let changed = known.validity.iter().zip(&patches.validity).map(|(a, b)| open(a) != open(b));
+        let changed = known.received.iter_mut().zip(changed).filter(|(_, changed)| *changed);
+        changed.for_each(|(received, _)| *received = Received::default());
+        known.validity.clone_from(&patches.validity);
+        let received = if known.times > 0 { known.received.clone() } else { vec![Received::default(); patches.len()] };
+        Looks { known, last: vec![Received::default(); patches.len()], received }
+    }
+
+    /// What was known of a patch before.
+    fn before(&self, patch: u32) -> Received {
+        self.known.received.get(patch as usize).copied().unwrap_or_default()
+    }
+
+    /// Looks at some patches from as many points, with those from which they were looked at before.
+    fn look(&mut self, task: &Task, which: &[u32], points: u32, observer: &dyn Observer) -> Result<()> {
+        let lacks = |i: u32| points.saturating_sub(self.before(i).points);
+        let mut lots: Vec<u32> = which.iter().map(|&i| lacks(i)).collect();
+        lots.sort_unstable();
+        lots.dedup();
+        let lot = |n: u32| (n, which.iter().filter(|&&i| lacks(i) == n).map(|&i| (i, 1)).collect::<Vec<_>>());
+        let lots: Vec<_> = lots.into_iter().filter(|n| *n > 0).map(lot).collect();
+        lots.into_iter().try_for_each(|(lacks, which)| self.add(task, &which, lacks, false, observer))
+    }
+
+    /// The same from as many blocks of points as each wishes; at the parts of patches, too, if a source is one ray a point.
+    fn look_at_edges(
+        &mut self,
+        task: &Task,
+        edges: &[u32],
+        block: u32,
+        wishes: &[u8],
+        observer: &dyn Observer,
+    ) -> Result<()> {
+        let lacks = |i: u32| u32::from(wishes[i as usize]).saturating_sub(self.before(i).points / block);
+        let (which, enough): (Vec<_>, Vec<_>) = edges.iter().map(|&i| (i, lacks(i))).partition(|(_, n)| *n > 0);
+        for (i, _) in enough {
+            self.join(i);
+        }
+        self.add(task, &which, block, task.sources.are_punctual(), observer)
+    }
+
+    /// Looks at some patches from so many blocks of points each; at their parts, too, if it is to `divide` them.
+    fn add(
+        &mut self,
+        task: &Task,
+        which: &[(u32, u32)],
+        block: u32,
+        divide: bool,
+        observer: &dyn Observer,
+    ) -> Result<()> {
+        let table = PointTable::of_places(block.min(MOST) as usize, SEED.wrapping_add(self.known.times));
+        for (&(i, _), (one, parts)) in which.iter().zip(task.measure(which, &table, divide, observer)?) {
+            let last = &mut self.last[i as usize];
+            self.known.shadow_rays += u64::from(one.rays);
+            // Blocks of neighbours are nets together: a closer look takes the place of another.
+            *last = one.after(last);
+            self.join(i);
+            if let Some(parts) = parts {
+                self.known.parts.add(self.received.len(), i, *parts);
+            }
+        }
+        Ok(())
+    }
+
+    fn join(&mut self, patch: u32) {
+        let last = self.last[patch as usize];
+        self.received[patch as usize] =
+            self.known.received.get(patch as usize).map_or(last, |before| before.and(&last));
+    }
+
+    /// The light that was found. All looks are known from now on.
+    fn end(self) -> Direct {
+        let Looks { known, last, received } = self;
+        known.times += 1;
+        match known.received.is_empty() {
+            true => known.received = last,
+            false => known.received.iter_mut().zip(&last).for_each(|(known, last)| *known = known.and(last)),
+        }
+        Direct {
+            lights: received.iter().map(|r| r.lights).collect(),
+            hidden_lights: received.iter().map(|r| r.hidden).collect(),
+            emitters: received.iter().map(|r| r.emitters).collect(),
+            sky_peaks: received.iter().map(|r| r.sky_peaks).collect(),
+            parts: known.parts.clone(),
+            shadow_rays: known.shadow_rays,
+            ..Direct::default()
+        }
+    }
 }
 
 pub(super) struct Task<'a> {
@@ -112,38 +222,27 @@ pub(super) struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// Measures some patches, and their parts if these are wanted; returns the number of rays that took.
+    /// Measures some patches from so many blocks each, and their parts if it is to `divide` them.
     fn measure(
         &self,
-        which: &[u32],
+        which: &[(u32, u32)],
         table: &PointTable,
-        blocks: &(dyn Fn(usize) -> usize + Sync),
-        received: &mut [Received],
-        mut parts: Option<&mut Vec<(u32, Box<Divided>)>>,
+        divide: bool,
         observer: &dyn Observer,
-    ) -> Result<u64> {
-        let divide = parts.is_some();
-        let measured = |chunk: &[u32]| {
+    ) -> Result<impl Iterator<Item = (Received, Option<Box<Divided>>)>> {
+        let measured = |chunk: &[(u32, u32)]| {
             if observer.cancelled() {
                 return Vec::new();
             }
             let mut desk = Desk::new(self);
-            let one = |&i: &u32| self.texel(i as usize, table, blocks(i as usize), divide, &mut desk);
+            let one = |&(i, blocks): &(u32, u32)| self.texel(i as usize, table, blocks as usize, divide, &mut desk);
             let out: Vec<(Received, Option<Box<Divided>>)> = chunk.iter().map(one).collect();
             observer.advance(chunk.len() as u64);
             out
         };
         let done: Vec<_> = which.par_chunks(CHUNK).map(measured).collect();
         check(observer)?;
-        let mut rays = 0;
-        for (&i, (one, divided)) in which.iter().zip(done.into_iter().flatten()) {
-            rays += u64::from(one.rays);
-            received[i as usize] = one;
-            if let (Some(parts), Some(divided)) = (&mut parts, divided) {
-                parts.push((i, divided));
-            }
-        }
-        Ok(rays)
+        Ok(done.into_iter().flatten())
     }
 
     /// The patches whose texels lie around one's own on the page, and itself.
@@ -162,15 +261,16 @@ impl Task<'_> {
         self.around(patch).any(|n| received[n].mixed || (share(&received[n]) - own).abs() > STEP)
     }
 
-    /// Blocks of points that the noise which is left calls for, of each patch or a neighbour; 0: none.
-    fn wishes(&self, received: &[Received]) -> Vec<u8> {
+    /// Blocks of so many points that the noise which is left calls for in all, of each patch or a neighbour; 0: none.
+    fn wishes(&self, received: &[Received], block: u32) -> Vec<u8> {
         // Where nothing reflects, there is no mean to hold it against.
         let glare = if self.faint > 0.0 { GLARE * self.faint } else { f32::INFINITY };
         let allowed = |light: f32| self.noise * light.max(self.faint).min(glare);
         let excess = |r: &Received| r.variance.sqrt() / allowed(luminance(r.total())).max(f32::MIN_POSITIVE);
         let mut wishes = vec![0; received.len()];
         for (patch, excess) in received.iter().map(excess).enumerate().filter(|(_, excess)| *excess > 1.0) {
-            let blocks = (libm::powf(excess, 1.0 / EDGE_POWER) / MORE as f32).ceil().min(MOST_BLOCKS as f32) as u8;
+            let points = libm::powf(excess, 1.0 / EDGE_POWER) * received[patch].points as f32;
+            let blocks = (points / block as f32).ceil().min(MOST_BLOCKS as f32) as u8;
             self.around(patch).for_each(|n| wishes[n] = blocks.max(wishes[n]));
         }
         wishes

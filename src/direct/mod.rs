@@ -114,9 +114,18 @@ const GATHERED_SHARE_OF_MANY: f64 = 0.05;
 const FEWER_TO_PATCHES: u32 = 4;
 const LEAST_TO_PATCHES: u32 = 8;
 
+/// What shadow rays have told so far, for more of them to join ([`Direct::refine`]).
+#[derive(Default)]
+pub struct Kept {
+    known: measure::Known,
+    /// The same of what bright patches reflect, which were chosen once: their exitance that is sampled.
+    exitance: Vec<Vec3>,
+    bounce: measure::Known,
+}
+
 impl Direct {
     /// Measures every patch. `rays` is the number of shadow rays a source where shadows are mixed, of edges four times
-    /// that and, where they stay noisy, up to 64 times. Patches that reflect much get a quarter of them, at least 16.
+    /// that and, where they stay noisy, up to 64 times. Patches that reflect much get a quarter of them, at least 8.
     pub fn measure(
         tracer: &Tracer,
         coverage: &Coverage,
@@ -125,12 +134,28 @@ impl Direct {
         rays: u32,
         observer: &dyn Observer,
     ) -> Result<Self> {
-        let mut direct = measure::measure(tracer, coverage, patches, sources, rays, observer)?;
-        if let Some(bright) = bright::Bright::new(patches, &direct) {
+        Self::refine(&mut Kept::default(), tracer, coverage, patches, sources, rays, observer)
+    }
+
+    /// The same, with the rays that are `kept` of a scene with the same sources, and fewer of them: only those that they lack are
+    /// shot. Patches may have joined.
+    pub fn refine(
+        kept: &mut Kept,
+        tracer: &Tracer,
+        coverage: &Coverage,
+        patches: &Patches,
+        sources: &Sources,
+        rays: u32,
+        observer: &dyn Observer,
+    ) -> Result<Self> {
+        let mut direct = measure::measure(tracer, coverage, patches, sources, rays, &mut kept.known, observer)?;
+        let exitance = std::mem::take(&mut kept.exitance);
+        if let Some(bright) = bright::Bright::new(patches, &direct, exitance) {
             let sources = Sources::reflecting(tracer, coverage, patches, &bright);
             let fewer = (rays / FEWER_TO_PATCHES).max(LEAST_TO_PATCHES).min(rays);
-            let received = measure::measure(tracer, coverage, patches, &sources, fewer, observer)?;
+            let received = measure::measure(tracer, coverage, patches, &sources, fewer, &mut kept.bounce, observer)?;
             direct.shadow_rays += received.shadow_rays;
+            kept.exitance.clone_from(&bright.exitance);
             direct.bounce = Bounce { exitance: bright.exitance, irradiance: received.emitters };
         }
         Ok(direct)

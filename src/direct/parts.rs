@@ -21,14 +21,16 @@ pub struct Parts {
 }
 
 impl Parts {
-    /// Of so many patches.
-    pub(super) fn new(patches: usize, divided: Vec<(u32, Box<Divided>)>) -> Self {
-        let mut parts = Parts { index: vec![NONE; if divided.is_empty() { 0 } else { patches }], divided: Vec::new() };
-        for (patch, one) in divided {
-            parts.index[patch as usize] = parts.divided.len() as u32;
-            parts.divided.push(*one);
+    /// Adds what of one of so many patches is known, to what is known already.
+    pub(super) fn add(&mut self, patches: usize, patch: u32, divided: Divided) {
+        self.index.resize(patches, NONE);
+        match self.divided.get_mut(self.index[patch as usize] as usize) {
+            Some(known) => known.add(&divided),
+            None => {
+                self.index[patch as usize] = self.divided.len() as u32;
+                self.divided.push(divided);
+            }
         }
-        parts
     }
 
     /// Irradiance of the part of a patch in which `spot` lies, beyond that of all of it, W/m^2: 0 on average. `None` if its
@@ -45,6 +47,17 @@ impl Parts {
 pub(super) struct Divided {
     grid: Grid,
     beyond: [Vec3; COUNT],
+    /// Of the source that needed most.
+    points: u32,
+}
+
+impl Divided {
+    /// Adds what points of their own have told of the same patch.
+    fn add(&mut self, o: &Self) {
+        let share = o.points as f32 / (self.points + o.points).max(1) as f32;
+        self.beyond.iter_mut().zip(&o.beyond).for_each(|(beyond, other)| *beyond = beyond.lerp(*other, share));
+        self.points += o.points;
+    }
 }
 
 /// Squares over a patch, projected onto its plane.
@@ -87,7 +100,7 @@ pub(super) struct Division {
 
 impl Division {
     pub fn of(footprint: &Footprint) -> Self {
-        let divided = Divided { grid: Grid::over(footprint), beyond: [Vec3::ZERO; COUNT] };
+        let divided = Divided { grid: Grid::over(footprint), beyond: [Vec3::ZERO; COUNT], points: 0 };
         Division { divided, points: [0; COUNT], arrived: [Vec3::ZERO; COUNT] }
     }
 
@@ -104,7 +117,9 @@ impl Division {
     /// The source is done; an edge of its light crosses the patch, or it does not count. Parts without a point are taken to be
     /// like all.
     pub fn end_source(&mut self, edge: bool) {
-        let mean = self.arrived.iter().sum::<Vec3>() / self.points.iter().sum::<u32>().max(1) as f32;
+        let points = self.points.iter().sum::<u32>();
+        self.divided.points = self.divided.points.max(points);
+        let mean = self.arrived.iter().sum::<Vec3>() / points.max(1) as f32;
         let parts = self.divided.beyond.iter_mut().zip(&self.points).zip(&self.arrived);
         parts
             .filter(|((_, n), _)| edge && **n > 0)
@@ -124,7 +139,7 @@ mod tests {
 
     fn division() -> Division {
         let grid = Grid { corner: Vec3::ZERO, axes: [Vec3::X * 4.0, Vec3::Y * 4.0] };
-        let divided = Divided { grid, beyond: [Vec3::ZERO; COUNT] };
+        let divided = Divided { grid, beyond: [Vec3::ZERO; COUNT], points: 0 };
         Division { divided, points: [0; COUNT], arrived: [Vec3::ZERO; COUNT] }
     }
 
@@ -142,7 +157,8 @@ mod tests {
             }
             division.end_source(true);
         }
-        let parts = Parts::new(2, division.finish().into_iter().map(|divided| (1, divided)).collect());
+        let mut parts = Parts::default();
+        parts.add(2, 1, *division.finish().expect("parts"));
         let at = |x: f32| parts.beyond(1, Vec3::new(x, 0.3, 0.1)).map(|e| e.x);
         assert_eq!([at(0.1), at(0.4), at(0.6), at(-1.0), at(7.0)], [2.0, 2.0, -2.0, 2.0, -2.0].map(Some));
         assert!(parts.beyond(0, Vec3::ZERO).is_none());

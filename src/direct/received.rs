@@ -18,6 +18,8 @@ pub(super) struct Received {
     /// Of the luminance of all light, about, from how the rays disagree.
     pub variance: f32,
     pub rays: u32,
+    /// Points from which each source was looked for, or the one that needed most.
+    pub points: u32,
 }
 
 impl Received {
@@ -26,15 +28,36 @@ impl Received {
         self.lights + self.hidden + self.emitters + self.sky_peaks
     }
 
-    /// The same, of a texel at which fewer rays have looked before. Rays that agree where those did not do so by chance: then
-    /// the difference tells how far they are off.
+    /// The same, of a texel that was looked at from fewer points before. Rays that agree where those did not do so by chance:
+    /// then the difference tells how far they are off.
     pub fn after(self, before: &Self) -> Self {
         if self.variance > 0.0 || before.variance == 0.0 {
             return self;
         }
         let difference = luminance(self.total() - before.total());
-        let (few, many) = (before.rays as f32, self.rays as f32);
+        let (few, many) = (before.points as f32, self.points as f32);
         Received { variance: difference * difference * few / (few + many).max(1.0), ..self }
+    }
+
+    /// What both have told, from points of their own.
+    pub fn and(self, o: &Self) -> Self {
+        let points = self.points + o.points;
+        let [a, b] = [self.points, o.points].map(|n| n as f32 / points.max(1) as f32);
+        let mut variance = a * a * self.variance + b * b * o.variance;
+        if self.variance == 0.0 || o.variance == 0.0 {
+            // The rays of one agree, by chance if its light is another's.
+            let difference = luminance(self.total() - o.total());
+            variance = variance.max(difference * difference * a * b);
+        }
+        Received {
+            sent: a * self.sent + b * o.sent,
+            arrived: a * self.arrived + b * o.arrived,
+            mixed: self.mixed || o.mixed,
+            variance,
+            rays: self.rays + o.rays,
+            points,
+            ..self.zip(o, |x, y| x * a + y * b)
+        }
     }
 
     /// Each source's light by a function of its own and another's.
@@ -54,19 +77,28 @@ impl Received {
 mod tests {
     use super::*;
 
+    fn looked(light: f32, variance: f32, points: u32) -> Received {
+        Received { lights: Vec3::splat(light), variance, points, ..Received::default() }
+    }
+
     #[test]
     fn agreement_by_chance_is_doubted() {
-        let looked = |light: f32, variance: f32, rays: u32| Received {
-            lights: Vec3::splat(light),
-            variance,
-            rays,
-            ..Received::default()
-        };
         // None of 16 rays met a light that half of 8 did.
         let doubtful = looked(0.0, 0.0, 16).after(&looked(6.0, 4.0, 8));
         assert!((doubtful.variance - 12.0).abs() < 1e-3, "{}", doubtful.variance);
         let sure = looked(0.0, 0.0, 16).after(&looked(0.0, 0.0, 8));
         assert_eq!(sure.variance, 0.0);
         assert_eq!(looked(3.0, 2.0, 16).after(&looked(6.0, 4.0, 8)).variance, 2.0);
+    }
+
+    #[test]
+    fn what_two_have_told_is_worth_their_points() {
+        let both = looked(3.0, 2.0, 4).and(&looked(6.0, 4.0, 12));
+        assert_eq!((both.lights.x, both.points, both.variance), (5.25, 16, 2.375));
+        // One that agrees with itself, but not with the other, has been lucky.
+        assert_eq!(looked(2.0, 0.0, 4).and(&looked(6.0, 0.0, 4)).variance, 4.0);
+        assert_eq!(looked(2.0, 0.0, 4).and(&looked(2.0, 0.0, 4)).variance, 0.0);
+        let alone = Received::default().and(&looked(6.0, 4.0, 16));
+        assert_eq!((alone.lights.x, alone.variance), (6.0, 4.0));
     }
 }

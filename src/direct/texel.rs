@@ -99,7 +99,7 @@ impl Task<'_> {
         // Shifts of their own keep the table's period out of the picture.
         let key = hash(patch as u32, points.len() as u32);
         let shift = Vec2::new(unit_float(key), unit_float(hash(key, 1)));
-        let mut r = Received::default();
+        let mut r = Received { points: points.len() as u32, ..Received::default() };
         let mut division = divide.then(|| Division::of(footprint));
         let (mut sent, mut arrived) = (0.0, 0.0);
         let mut book = |tally: Tally, r: &mut Received| {
@@ -110,6 +110,7 @@ impl Task<'_> {
             let n = tally.rays.max(1) as f32;
             r.variance += luminance(tally.sent).powi(2) * tally.spread() / (n * n.sqrt().sqrt());
             r.rays += tally.rays;
+            r.points = r.points.max(tally.points);
         };
         for light in self.sources.lights.iter().filter(|l| l.bake != Bake::None) {
             let aim = |p: &SurfacePoint, u| punctual::aim(light, p, wrapped(u + shift));
@@ -225,10 +226,8 @@ impl Task<'_> {
         volley: &mut Volley,
         mut parts: Option<&mut Division>,
     ) -> Tally {
-        let mut points = 0;
         let mut fire = |some: &[Point]| {
             volley.clear();
-            points += some.len();
             for point in some {
                 let p = on_surface(point.place);
                 if let Some(Aim { direction, distance, irradiance }) = aim(&p, point.extra) {
@@ -239,7 +238,7 @@ impl Task<'_> {
                     parts.visit(p.lifted());
                 }
             }
-            let tally = volley.fire(self.tracer);
+            let tally = Tally { points: some.len() as u32, ..volley.fire(self.tracer) };
             if let Some(parts) = &mut parts {
                 volley.arrivals().for_each(|(from, light)| parts.receive(from, light));
             }
@@ -253,10 +252,11 @@ impl Task<'_> {
         if let Some(parts) = parts {
             parts.end_source(mixed);
         }
-        let tally = tally.scaled(1.0 / points as f32);
+        let share = 1.0 / tally.points as f32;
+        let tally = tally.scaled(share);
         // Where nothing arrives, the share of it is nothing.
         let dark = tally.rays > 0 && tally.arrived == Vec3::ZERO;
-        if dark || points >= NEAR_POINTS || even && !places.folded {
+        if dark || tally.points as usize >= NEAR_POINTS || even && !places.folded {
             return tally;
         }
         let sent = places.many.iter().map(|point| aim(&on_surface(point.place), point.extra));

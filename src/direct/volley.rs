@@ -33,6 +33,8 @@ pub(super) struct Tally {
     /// Sum of the shares (luminance) that come through, and of their squares.
     pub through: [f32; 2],
     pub rays: u32,
+    /// Points from which the source was looked for.
+    pub points: u32,
 }
 
 impl Volley {
@@ -96,7 +98,8 @@ impl Tally {
     /// Both together.
     pub fn and(self, o: Self) -> Self {
         let through = [self.through[0] + o.through[0], self.through[1] + o.through[1]];
-        Tally { sent: self.sent + o.sent, arrived: self.arrived + o.arrived, through, rays: self.rays + o.rays }
+        let (rays, points) = (self.rays + o.rays, self.points + o.points);
+        Tally { sent: self.sent + o.sent, arrived: self.arrived + o.arrived, through, rays, points }
     }
 
     pub fn scaled(self, f: f32) -> Self {
