@@ -11,11 +11,12 @@ use common::{
 use glam::{DVec3, UVec2, Vec3, vec3};
 use luxel::{
     atlas::{self, Coverage, Density, Unwrap},
+    direct::{Direct, Kept, Sources},
     error::Error,
     math::CELLS,
     patches::Patches,
     progress::Silent,
-    scene::{Scene, Sky, World},
+    scene::{LightKind, Scene, Sky, World},
     trace::Tracer,
     transport::{FormFactors, Options, Receivers, Transport},
 };
@@ -94,6 +95,39 @@ fn on<T>(mut stage: Stage, check: impl FnOnce(&Ground) -> T) -> T {
 /// Rays of a row.
 fn rays(transport: &Transport, row: usize) -> usize {
     (1.0 / transport.rows.row(row).weight).round() as usize
+}
+
+/// Shadow rays that join others, below a sheet under a wide sun, whose back is found later: light is as exact as if all were shot at once, for
+/// fewer rays.
+#[test]
+fn shadow_rays_join_those_of_before() {
+    let mut stage = sheet();
+    stage.light(LightKind::Directional { angle: 0.2 }, Vec3::ZERO, vec3(0.3, -1.0, 0.2), 1.0);
+    on(stage, |ground| {
+        let (transport, few) = ground.measured(&Options::of(16));
+        let (_, many) = ground.refined((transport, few.clone()), &Options::of(64));
+        let (tracer, coverage) = (&ground.tracer, &ground.coverage);
+        let sources = Sources::new(tracer, &many);
+        let at_once = |rays| Direct::measure(tracer, coverage, &many, &sources, rays, &Silent).expect("light");
+        let (truth, fresh) = (at_once(4096), at_once(128));
+        let mut kept = Kept::default();
+        let first = Direct::refine(&mut kept, tracer, coverage, &few, &sources, 32, &Silent).expect("light");
+        let joined = Direct::refine(&mut kept, tracer, coverage, &many, &sources, 128, &Silent).expect("light");
+        assert!(few.len() < many.len() && joined.lights.len() == many.len(), "{} {}", few.len(), many.len());
+        let off = |d: &Direct| {
+            let squares = (0..few.len()).map(|i| f64::from((d.lights[i].x - truth.lights[i].x).powi(2)));
+            libm::sqrt(squares.sum::<f64>() / few.len() as f64)
+        };
+        let errors = [&first, &joined, &fresh].map(off);
+        let shot = [first.shadow_rays, joined.shadow_rays - first.shadow_rays, fresh.shadow_rays];
+        println!("errors {errors:?}, rays {shot:?}");
+        assert!(errors[1] < 0.5 * errors[0] && errors[1] < 1.25 * errors[2], "{errors:?}");
+        assert!(shot[1] < shot[2] * 4 / 5, "{shot:?}");
+        // What is kept is what the rays have told, not what neighbours make of it: again as many add nothing.
+        let again = Direct::refine(&mut kept, tracer, coverage, &many, &sources, 128, &Silent).expect("light");
+        println!("{} {}", joined.shadow_rays, again.shadow_rays);
+        assert!(off(&again) <= 1.05 * errors[1], "{} {errors:?}", off(&again));
+    });
 }
 
 /// Each row holds the rays that it held, to the bit, and as many more as asked for; those of new backs are whole, too.
