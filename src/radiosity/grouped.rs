@@ -3,12 +3,18 @@
 use super::{Radiosity, Solver, System, solve::single};
 use crate::{
     error::Result,
+    math::luminance,
     progress::{Observer, check},
     transport::{Groups, Transport},
 };
-use glam::{DVec3, Vec3};
+use glam::{DVec3, DVec4, Vec3};
 use rayon::prelude::*;
 use std::time::Instant;
+
+/// Variance of a row's rays, whose directions are a net, over that of random ones: of few, and of more, times their number.
+/// Measured: with twice as much, contacts blur from 16 rays on; with half, 8 rays err more.
+const NET: f64 = 0.5;
+const NET_FALLS: f64 = 4.0;
 
 /// What a group has on average.
 struct Mean {
@@ -32,16 +38,36 @@ impl System<'_> {
         let rows = groups.rows(self.transport);
         let solved = self.grouped(groups, &rows).solve(solver, tolerance, observer)?;
         let at_groups: Vec<DVec3> = solved.indirect.iter().map(|e| e.as_dvec3()).collect();
-        let mut x = groups.spread(&at_groups);
+        let x = self.gathered_by(groups, &groups.spread(&at_groups));
         let mut mapped = x.clone();
         let mut report = solved.report;
-        // Rows of groups were copied.
-        report.entries += self.entries() + self.map(&x, &mut mapped);
-        std::mem::swap(&mut x, &mut mapped);
+        // Rows of groups were copied, and each patch has gathered.
+        report.entries += 2 * self.entries();
         check(observer)?;
         report.entries += self.map(&x, &mut mapped);
         report.seconds = start.elapsed().as_secs_f64();
         Ok(Radiosity { indirect: self.at_patches(&mapped), gathered: single(&self.radiosity(&x)), report })
+    }
+
+    /// The map of `x`, where patches that differ from their group by no more than noise have its mean: few rays of each are
+    /// much noise, of which whoever sees them has a part (shrinkage: James and Stein, 1961).
+    fn gathered_by(&self, groups: &Groups, x: &[DVec3]) -> Vec<DVec3> {
+        let told: Vec<DVec4> = self.radiosity(x).par_iter().map(|b| b.extend(light(*b).powi(2))).collect();
+        let mut gathered = vec![DVec4::ZERO; x.len()];
+        self.transport.rows.map_into(&mut gathered, |row| row.sum(|c| told[c as usize]));
+        let drawn = |group: usize| {
+            let members = groups.members(group);
+            let weight = |&p: &u32| f64::from(self.transport.rows.row(p as usize).weight);
+            let weight = members.iter().map(weight).sum::<f64>() / members.len() as f64;
+            drawn_to_mean(&members.iter().map(|&p| gathered[p as usize]).collect::<Vec<_>>(), weight)
+        };
+        let drawn: Vec<Vec<DVec3>> = (0..groups.len()).into_par_iter().map(drawn).collect();
+        let mut x = vec![DVec3::ZERO; x.len()];
+        for (group, drawn) in drawn.into_iter().enumerate() {
+            groups.members(group).iter().zip(drawn).for_each(|(&p, e)| x[p as usize] = e);
+        }
+        x.par_iter_mut().zip(&self.extra).for_each(|(e, extra)| *e += extra.as_dvec3());
+        x
     }
 
     /// The same light between groups of patches, over `rows` between them.
@@ -78,5 +104,41 @@ impl System<'_> {
             extra: mean(&|p| at(&self.extra, p)),
             direct: Vec3::select(some, reflected / reflectance, mean(&|p| self.direct[p])),
         }
+    }
+}
+
+fn light(radiosity: DVec3) -> f64 {
+    f64::from(luminance(radiosity.as_vec3()))
+}
+
+/// What patches have gathered, each drawn to the mean of all by the share of its variance that is noise; `gathered` has the mean
+/// square of the rays' light, too, of which each weighs so much.
+fn drawn_to_mean(gathered: &[DVec4], weight: f64) -> Vec<DVec3> {
+    let mean = gathered.iter().sum::<DVec4>() / gathered.len() as f64;
+    let of_rays = (mean.w - light(mean.truncate()).powi(2)).max(0.0);
+    let noise = of_rays * weight * NET.min(NET_FALLS * weight);
+    let squares = gathered.iter().map(|g| (light(g.truncate()) - light(mean.truncate())).powi(2));
+    let variance = squares.sum::<f64>() / (gathered.len() as f64 - 1.0).max(1.0);
+    let own = if variance > 0.0 { (1.0 - noise / variance).max(0.0) } else { 0.0 };
+    gathered.iter().map(|g| mean.truncate().lerp(g.truncate(), own)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Half of the rays of all meet a light of 2; of some patches none does, or every one.
+    #[test]
+    fn noise_is_drawn_to_the_mean_and_contacts_are_not() {
+        let patch = |light: f64| DVec3::splat(light).extend(2.0 * light);
+        let noisy: Vec<DVec4> = (0..16).map(|k| patch(1.0 + 0.1 * f64::from(k % 3 - 1))).collect();
+        let drawn = drawn_to_mean(&noisy, 1.0 / 16.0);
+        assert!(drawn.iter().all(|e| e.abs_diff_eq(drawn[0], 1e-12)) && (drawn[0].x - 1.0).abs() < 0.01, "{drawn:?}");
+        let contact: Vec<DVec4> = (0..16).map(|k| patch(f64::from(k % 4) * 2.0 / 3.0)).collect();
+        let drawn = drawn_to_mean(&contact, 1.0 / 16.0);
+        assert!(drawn[0].x < 0.05 && drawn[3].x > 1.95, "{drawn:?}");
+        // More rays of their own leave less to doubt.
+        assert!(drawn_to_mean(&contact, 1.0 / 64.0)[0].x < drawn[0].x);
+        assert_eq!(drawn_to_mean(&[patch(0.7)], 1.0), [DVec3::splat(0.7)]);
     }
 }
