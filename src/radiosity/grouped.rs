@@ -11,10 +11,11 @@ use glam::{DVec3, DVec4, Vec3};
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Variance of a row's rays, whose directions are a net, over that of random ones: of few, and of more, times their number.
-/// Measured: with twice as much, contacts blur from 16 rays on; with half, 8 rays err more.
-const NET: f64 = 0.5;
-const NET_FALLS: f64 = 4.0;
+/// Variance of rows of so many rays, whose directions are a net, over that of random ones. Measured: with twice as much,
+/// contacts blur from 16 rays on; with half, 8 rays err more.
+pub(super) fn net(rays: f32) -> f32 {
+    f32::min(0.5, 4.0 / rays)
+}
 
 /// What a group has on average.
 struct Mean {
@@ -116,7 +117,7 @@ fn light(radiosity: DVec3) -> f64 {
 fn drawn_to_mean(gathered: &[DVec4], weight: f64) -> Vec<DVec3> {
     let mean = gathered.iter().sum::<DVec4>() / gathered.len() as f64;
     let of_rays = (mean.w - light(mean.truncate()).powi(2)).max(0.0);
-    let noise = of_rays * weight * NET.min(NET_FALLS * weight);
+    let noise = of_rays * weight * f64::from(net(1.0 / weight as f32));
     let squares = gathered.iter().map(|g| (light(g.truncate()) - light(mean.truncate())).powi(2));
     let variance = squares.sum::<f64>() / (gathered.len() as f64 - 1.0).max(1.0);
     let own = if variance > 0.0 { (1.0 - noise / variance).max(0.0) } else { 0.0 };

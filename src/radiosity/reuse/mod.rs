@@ -6,7 +6,8 @@
 //! their own rays, and is put back as far as it is no noise.
 //!
 //! Margins overlap, so most texels have a value of more than one pool. They take the mean, weighed by how far inside each
-//! they lie: an eighth less noise for nothing, and no step where one pool ends.
+//! they lie: an eighth less noise for nothing, and no step where one pool ends. Noise that is left is wider than a pool, and
+//! shows as blotches; where nothing is near, a curve through many pools takes it ([`wide`]).
 
 mod alone;
 mod ends;
@@ -14,6 +15,7 @@ mod far;
 mod pool;
 mod shrink;
 mod trend;
+mod wide;
 
 use crate::{
     direct::Parts,
@@ -26,8 +28,9 @@ use crate::{
     transport::{Eye, Neighbours, Stats},
 };
 use glam::{UVec2, Vec2, Vec3};
-use pool::Pool;
+use pool::{Own, Pool};
 use rayon::prelude::*;
+use wide::{Summary, Tile};
 
 /// Edge of the squares of texels that share their rays, and how far beyond they look for more.
 const TILE: u32 = 6;
@@ -50,8 +53,9 @@ struct Sample {
     /// What its own rays say, and those of all.
     own: Vec3,
     shared: Vec3,
-    /// Variance of the luminance of its own.
+    /// Variance of the luminance of its own, and number of these.
     noise: f32,
+    rays: f32,
 }
 
 /// What a pool says of one of its receivers.
@@ -60,6 +64,12 @@ struct Found {
     irradiance: Vec3,
     /// Against what other pools say, above 0.
     weight: f32,
+}
+
+/// What a pool says of all its receivers.
+struct Shared {
+    found: Vec<Found>,
+    summary: Summary,
 }
 
 /// What the last gather needs to know.
@@ -122,14 +132,18 @@ impl<'a> Gather<'a> {
             let tiles = tiles
                 .filter(|_| !observer.cancelled())
                 .map(|x| self.tile(page, UVec2::new(x, y) * TILE * stride, stride, level, &mut pool));
-            let found = tiles.flatten().collect();
+            let shared = tiles.flatten().collect();
             observer.advance(1);
-            found
+            shared
         };
-        let found: Vec<Vec<Found>> = strips.par_iter().map(strip).collect();
+        let shared: Vec<Vec<Shared>> = strips.par_iter().map(strip).collect();
         check(observer)?;
+        let (found, summaries): (Vec<Vec<Found>>, Vec<Summary>) =
+            shared.into_iter().flatten().map(|Shared { found, summary }| (found, summary)).unzip();
+        let found = found.iter().zip(wide::corrections(&summaries, self.neighbours.tracer));
+        let found = found.flat_map(|(found, add)| found.iter().map(move |f| (f, (f.irradiance + add).max(Vec3::ZERO))));
         let mut weights = vec![0.0; irradiance.len()];
-        for &Found { receiver, irradiance: e, weight } in found.iter().flatten() {
+        for (&Found { receiver, weight, .. }, e) in found {
             let (mean, sum) = (&mut irradiance[receiver as usize], &mut weights[receiver as usize]);
             *sum += weight;
             *mean = if *sum == weight { e } else { mean.lerp(e, weight / *sum) };
@@ -140,10 +154,10 @@ impl<'a> Gather<'a> {
         self.add_rays(&alone, irradiance, observer)
     }
 
-    /// New values of the receivers of this stride in the tile that begins at `first`, and in its margin.
-    fn tile(&self, page: usize, first: UVec2, stride: u32, level: Level, pool: &mut Pool) -> Vec<Found> {
+    /// The pools of receivers of this stride in the tile that begins at `first`, and in its margin.
+    fn tile(&self, page: usize, first: UVec2, stride: u32, level: Level, pool: &mut Pool) -> Vec<Shared> {
         let Gather { neighbours, .. } = self;
-        let Neighbours { transport, coverage, .. } = neighbours;
+        let Neighbours { transport, coverage, patches, .. } = neighbours;
         let end = first + TILE * stride;
         let mut inner = neighbours.receivers(page, first, end, stride);
         inner.retain(|&r| transport.stride(r as usize) == stride);
@@ -152,14 +166,13 @@ impl<'a> Gather<'a> {
         }
         let margin = MARGIN * stride;
         let mut left = neighbours.receivers(page, first.saturating_sub(UVec2::splat(margin)), end + margin, stride);
-        let mut found = Vec::with_capacity(left.len());
-        let mut find = |receiver: u32, irradiance: Vec3| {
-            if transport.stride(receiver as usize) == stride {
-                let texel = transport.receivers[receiver as usize] as usize;
-                let from_corner = (coverage.texels[texel].at + margin - first) / stride;
-                found.push(Found { receiver, irradiance, weight: depth(from_corner) });
-            }
+        let tile = Tile { page, stride, at: first / (TILE * stride) };
+        let texel = |receiver: u32| transport.receivers[receiver as usize] as usize;
+        let find = |(receiver, irradiance): (u32, Vec3)| {
+            let from_corner = (coverage.texels[texel(receiver)].at + margin - first) / stride;
+            Found { receiver, irradiance, weight: depth(from_corner) }
         };
+        let mut found = Vec::new();
         while let Some(&leader) = left.iter().find(|r| inner.contains(r)) {
             let members = neighbours.around(leader, &left, (TILE + MARGIN) * stride);
             pool.collect(self, &members);
@@ -167,33 +180,38 @@ impl<'a> Gather<'a> {
             let of_members = members.into_iter().zip(shared).zip(pool.own());
             let (sharing, mut samples) = self.samples(of_members);
             left.retain(|r| *r != leader && !sharing.contains(r));
-            if sharing.len() >= ENOUGH {
-                straighten(&mut samples);
-                sharing.into_iter().zip(samples).for_each(|(r, s)| find(r, s.shared));
+            if sharing.len() < ENOUGH {
+                continue;
             }
+            straighten(&mut samples, pool.most());
+            let area = sharing.iter().map(|&r| patches.area[texel(r)]).sum::<f32>() / sharing.len() as f32;
+            let eyes = sharing.iter().map(|&r| transport.eyes[r as usize]);
+            let summary = pool.summary(tile, area.sqrt() * stride as f32, eyes.zip(samples.iter().map(|s| s.shared)));
+            let of_stride = sharing.into_iter().zip(samples).filter(|(r, _)| transport.stride(*r as usize) == stride);
+            found.push(Shared { found: of_stride.map(|(r, s)| find((r, s.shared))).collect(), summary });
         }
         found
     }
 
     /// The receivers of a pool that share, and what is known of them: what they share, what their own rays say, and its noise.
-    fn samples(&self, members: impl Iterator<Item = ((u32, Option<Vec3>), (Vec3, f32))>) -> (Vec<u32>, Vec<Sample>) {
+    fn samples(&self, members: impl Iterator<Item = ((u32, Option<Vec3>), Own)>) -> (Vec<u32>, Vec<Sample>) {
         let mut axes = None;
-        let sample = |((r, shared), (own, noise)): ((u32, Option<Vec3>), (Vec3, f32))| {
+        let sample = |((r, shared), Own { light, noise, rays }): ((u32, Option<Vec3>), Own)| {
             let eye = &self.neighbours.transport.eyes[r as usize];
             let shared = shared?;
             let at = axes.get_or_insert_with(|| Frame::around(eye.normal)).flat(eye.position);
-            Some((r, Sample { at, own, shared, noise }))
+            Some((r, Sample { at, own: light, shared, noise, rays }))
         };
         members.filter_map(sample).unzip()
     }
 }
 
-/// Puts back what sharing has blurred.
-fn straighten(samples: &mut [Sample]) {
+/// Puts back what sharing has blurred. `most`: the brightest that a ray has met.
+fn straighten(samples: &mut [Sample], most: f32) {
     if let Some(trend) = trend::of(samples) {
         samples.iter_mut().for_each(|s| s.shared += trend(s.at));
     }
-    let added = shrink::of(samples);
+    let added = shrink::of(samples, most);
     samples.iter_mut().zip(added).for_each(|(s, add)| s.shared += add);
 }
 

@@ -13,9 +13,11 @@
 //! What is far away is seen alike by all receivers: there ([`far`](super::far)), densities are linear in where they stand.
 
 use super::{
+    super::grouped::net,
     Column, Gather,
     ends::List,
     far::{Basis, Horizon, Moments},
+    wide::{Summary, Tile},
 };
 use crate::{
     math::{
@@ -44,15 +46,33 @@ pub(super) struct Pool {
     far: List,
     /// How densely the rays of each member fall on where those near have ended: one row a member.
     densities: Vec<Eight>,
+    sums: Sums,
+}
+
+/// Over all rays.
+#[derive(Default)]
+struct Sums {
+    rays: f32,
+    light: f32,
+    squares: f32,
+    /// Of one over the ways that they went.
+    nearness: f32,
+    /// Of their light.
+    most: f32,
+}
+
+/// What a receiver receives by its own rays.
+#[derive(Clone, Copy)]
+pub(super) struct Own {
+    pub light: Vec3,
+    /// Variance of the luminance; infinite by one ray, which does not tell.
+    pub noise: f32,
+    pub rays: f32,
 }
 
 struct Member {
     eye: Eye,
-    /// Its rays that count.
-    rays: f32,
-    /// What it receives by them, and the variance of its luminance.
-    own: Vec3,
-    noise: f32,
+    own: Own,
 }
 
 const ZERO: Eight = Eight([0.0; LANES]);
@@ -68,6 +88,7 @@ impl Pool {
         self.members.clear();
         self.near.clear();
         self.far.clear();
+        self.sums = Sums::default();
         for (owner, (eye, &receiver)) in eyes().zip(receivers).enumerate() {
             let ends = transport.rows.ends(receiver as usize);
             let rays = ends.columns.len() as f32;
@@ -77,21 +98,54 @@ impl Pool {
                 let facing = || (eye.position - spot).normalize_or_zero();
                 let Column { radiosity, normal } = gather.met(&eye, column, spot);
                 let normal = if normal == Vec3::ZERO { facing() } else { normal };
+                let light = luminance(radiosity);
                 sum += radiosity;
-                squares += luminance(radiosity).powi(2);
+                squares += light * light;
+                self.sums.most = self.sums.most.max(light);
+                self.sums.nearness += 1.0 / eye.position.distance(spot).max(f32::MIN_POSITIVE);
                 let is_far = horizon.is_far(spot - self.center, normal);
                 let ends = if is_far { &mut self.far } else { &mut self.near };
                 ends.push(owner as u32, spot, normal, radiosity);
             }
             let own = sum / rays.max(1.0);
             let noise = (squares - rays * luminance(own).powi(2)).max(0.0) / (rays * (rays - 1.0));
-            self.members.push(Member { eye, rays, own, noise: if rays < 2.0 { f32::INFINITY } else { noise } });
+            self.sums.rays += rays;
+            self.sums.light += luminance(sum);
+            self.sums.squares += squares;
+            let noise = if rays < 2.0 { f32::INFINITY } else { noise };
+            self.members.push(Member { eye, own: Own { light: own, noise, rays } });
         }
     }
 
-    /// What each receiver receives by its own rays, and the variance of its luminance; infinite by one, which does not tell.
-    pub fn own(&self) -> impl Iterator<Item = (Vec3, f32)> {
-        self.members.iter().map(|m| (m.own, m.noise))
+    /// What each receiver receives by its own rays.
+    pub fn own(&self) -> impl Iterator<Item = Own> {
+        self.members.iter().map(|m| m.own)
+    }
+
+    /// The brightest that a ray has met.
+    pub fn most(&self) -> f32 {
+        self.sums.most
+    }
+
+    /// What all rays say of receivers that share what they see, and of what these receive. `edge`: of one, metres.
+    pub fn summary(&self, tile: Tile, edge: f32, shared: impl ExactSizeIterator<Item = (Eye, Vec3)>) -> Summary {
+        let (count, mut position, mut normal, mut light) = (shared.len() as f32, Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
+        for (eye, e) in shared {
+            position += eye.position;
+            normal += eye.normal;
+            light += e;
+        }
+        let Sums { rays, nearness, .. } = self.sums;
+        let mean = self.sums.light / rays;
+        let variance = (self.sums.squares / rays - mean * mean).max(0.0);
+        Summary {
+            tile,
+            eye: Eye { position: position / count, normal: normal.normalize_or_zero() },
+            light: light / count,
+            noise: variance / rays * net(rays / self.members.len() as f32),
+            distance: rays / nearness,
+            edge,
+        }
     }
 
     /// Of each receiver what it receives by the rays of all; `None` if it sees something else.
@@ -108,19 +162,19 @@ impl Task for Share<'_> {
 
     #[inline(always)]
     fn run<S: Lanes>(self) -> Self::Output {
-        let Pool { members, center, near, far, densities } = self.0;
+        let Pool { members, center, near, far, densities, .. } = self.0;
         let near = near.eights();
         densities.clear();
         densities.reserve_exact(members.len() * near.len());
         densities.resize(members.len() * near.len(), ZERO);
         for (member, row) in members.iter().zip(densities.chunks_exact_mut(near.len().max(1))) {
             for (end, density) in near.iter().zip(row) {
-                *density = end.density::<S>(&member.eye, member.rays).store();
+                *density = end.density::<S>(&member.eye, member.own.rays).store();
             }
         }
         let mut bases = Vec::with_capacity(members.len());
         for member in members.iter() {
-            bases.push(Basis::of(&member.eye, member.rays, *center));
+            bases.push(Basis::of(&member.eye, member.own.rays, *center));
         }
         let mut shares = vec![true; members.len()];
         let mut inverse = vec![ZERO; near.len()];
@@ -155,7 +209,7 @@ impl Task for Share<'_> {
                 if weight > 0.0 {
                     received[m] = Some(sum.truncate() / weight);
                 }
-                if (weight / member.rays - 1.0).abs() > APART + CHANCE / member.rays.sqrt() {
+                if (weight / member.own.rays - 1.0).abs() > APART + CHANCE / member.own.rays.sqrt() {
                     shares[m] = false;
                     left = true;
                 }

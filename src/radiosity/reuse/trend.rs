@@ -48,7 +48,7 @@ mod tests {
         let sample = |k: u32| {
             let at = Vec2::new((k % 6) as f32, (k / 6) as f32) * 0.1 + Vec2::new(7.0, -3.0);
             let chance = (0..12).map(|i| unit_float(hash(hash(k, seed), i))).sum::<f32>() - 6.0;
-            Sample { at, own: Vec3::splat(1.0 + law(at) + noise * chance), shared: Vec3::ONE, noise: 0.0 }
+            Sample { at, own: Vec3::splat(1.0 + law(at) + noise * chance), shared: Vec3::ONE, noise: 0.0, rays: 1.0 }
         };
         (0..36).map(sample).collect()
     }
