@@ -33,6 +33,11 @@ impl Parts {
         }
     }
 
+    /// True if the parts of a patch differ.
+    pub fn divide(&self, patch: usize) -> bool {
+        self.index.get(patch).is_some_and(|&k| k != NONE)
+    }
+
     /// Irradiance of the part of a patch in which `spot` lies, beyond that of all of it, W/m^2: 0 on average. `None` if its
     /// parts are alike.
     #[inline]

@@ -21,6 +21,8 @@ pub(super) struct Draft {
     /// Points found enclosed, and open though they met a back.
     pub enclosed: usize,
     pub open: usize,
+    /// Columns and their places, in the order of a block.
+    ordered: (Vec<u32>, Vec<Vec3>),
 }
 
 /// The end of a ray whose point may be enclosed.
@@ -60,13 +62,15 @@ impl Draft {
     }
 
     /// Appends it to a block: patches, cells of the sky, what does not shine.
-    pub fn push_to(&self, block: &mut Block) {
+    pub fn push_to(&mut self, block: &mut Block) {
         let rank = |c: u32| (c >> 31) as usize + usize::from(c == DARK);
         let mut counts = [0; 3];
         self.columns.iter().for_each(|&c| counts[rank(c)] += 1);
         let lit = counts[0] + counts[1];
         let mut next = [0, counts[0], lit];
-        let (mut columns, mut spots) = (vec![0; self.columns.len()], vec![Vec3::ZERO; self.spots.len()]);
+        let (columns, spots) = &mut self.ordered;
+        columns.resize(self.columns.len(), 0);
+        spots.resize(self.spots.len(), Vec3::ZERO);
         for (k, &c) in self.columns.iter().enumerate() {
             let to = &mut next[rank(c)];
             columns[*to] = c;
@@ -75,6 +79,6 @@ impl Draft {
             }
             *to += 1;
         }
-        block.push(&columns, lit, 1.0 / self.columns.len().max(1) as f32, &spots);
+        block.push(columns, lit, 1.0 / self.columns.len().max(1) as f32, spots);
     }
 }

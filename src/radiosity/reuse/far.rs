@@ -38,9 +38,8 @@ impl Horizon {
         Horizon { normal, radius, spread }
     }
 
-    /// True of a spot at `v` from the middle that is far away and faces all receivers, as they face it.
-    pub fn is_far(&self, v: Vec3, normal: Vec3) -> bool {
-        let distance = v.length();
+    /// True of a spot at `v`, `distance` from the middle, that is far away and faces all receivers, as they face it.
+    pub fn is_far(&self, v: Vec3, distance: f32, normal: Vec3) -> bool {
         let height = GRAZING * self.radius;
         let above = self.normal.dot(v) > height + self.spread * (distance + self.radius);
         distance > FAR * self.radius && above && -normal.dot(v) > height
@@ -199,7 +198,7 @@ mod tests {
             } else {
                 random(key + 5000).normalize()
             };
-            if !horizon.is_far(v, normal) {
+            if !horizon.is_far(v, v.length(), normal) {
                 continue;
             }
             let mut list = List::default();
@@ -222,9 +221,9 @@ mod tests {
     fn what_some_do_not_see_is_not_far() {
         let eyes = eyes();
         let horizon = Horizon::of(eyes.into_iter(), Vec3::new(5.0, 0.0, -3.0));
-        assert!(horizon.is_far(Vec3::Y * 50.0, Vec3::NEG_Y));
-        assert!(!horizon.is_far(Vec3::Y * 5.0, Vec3::NEG_Y), "near");
-        assert!(!horizon.is_far(Vec3::X * 50.0, Vec3::NEG_X), "on the horizon");
-        assert!(!horizon.is_far(Vec3::Y * 50.0, Vec3::X), "edge on");
+        assert!(horizon.is_far(Vec3::Y * 50.0, 50.0, Vec3::NEG_Y));
+        assert!(!horizon.is_far(Vec3::Y * 5.0, 5.0, Vec3::NEG_Y), "near");
+        assert!(!horizon.is_far(Vec3::X * 50.0, 50.0, Vec3::NEG_X), "on the horizon");
+        assert!(!horizon.is_far(Vec3::Y * 50.0, 50.0, Vec3::X), "edge on");
     }
 }

@@ -82,19 +82,26 @@ pub(super) struct Gather<'a> {
     mean: f32,
 }
 
-/// What a ray has met.
+/// What a ray has met: together, for rays of a pool meet columns that lie anywhere in memory.
 #[derive(Clone, Copy, Default)]
+#[repr(align(32))]
 struct Column {
     radiosity: Vec3,
     /// Nothing of what faces whoever sees it.
     normal: Vec3,
+    /// Squared distance, m^2, within which a ray tells which part of it it has met; 0 if parts are alike.
+    close: f32,
 }
 
 impl<'a> Gather<'a> {
     /// `radiosity`: of every column, of which `parts` reflect more or less light than all.
     pub fn new(neighbours: Neighbours<'a>, radiosity: &[Vec3], parts: &'a Parts, mean: f32) -> Self {
-        let normal = |i: usize| neighbours.patches.normal.get(i).copied().unwrap_or_default();
-        let column = |(i, &radiosity)| Column { radiosity, normal: normal(i) };
+        let patches = neighbours.patches;
+        let column = |(i, &radiosity)| Column {
+            radiosity,
+            normal: patches.normal.get(i).copied().unwrap_or_default(),
+            close: if parts.divide(i) { CLOSE * patches.area[i] } else { 0.0 },
+        };
         Gather { columns: radiosity.par_iter().enumerate().map(column).collect(), neighbours, parts, mean }
     }
 
@@ -102,11 +109,9 @@ impl<'a> Gather<'a> {
     #[inline]
     fn met(&self, eye: &Eye, column: u32, spot: Vec3) -> Column {
         let mut met = self.columns.get(column as usize).copied().unwrap_or_default();
-        if let Some(beyond) = self.parts.beyond(column as usize, spot) {
-            let patches = self.neighbours.patches;
-            if eye.position.distance_squared(spot) < CLOSE * patches.area[column as usize] {
-                met.radiosity += patches.reflectance[column as usize] * beyond;
-            }
+        if eye.position.distance_squared(spot) < met.close {
+            let beyond = self.parts.beyond(column as usize, spot).unwrap_or_default();
+            met.radiosity += self.neighbours.patches.reflectance[column as usize] * beyond;
         }
         met
     }

@@ -55,7 +55,7 @@ struct Sums {
     rays: f32,
     light: f32,
     squares: f32,
-    /// Of one over the ways that they went.
+    /// Of one over their ends' distances from the middle.
     nearness: f32,
     /// Of their light.
     most: f32,
@@ -96,14 +96,16 @@ impl Pool {
             for (&column, &spot) in ends.columns.iter().zip(ends.spots) {
                 // The sky, and what has no patch, faces whoever sees it.
                 let facing = || (eye.position - spot).normalize_or_zero();
-                let Column { radiosity, normal } = gather.met(&eye, column, spot);
+                let Column { radiosity, normal, .. } = gather.met(&eye, column, spot);
                 let normal = if normal == Vec3::ZERO { facing() } else { normal };
                 let light = luminance(radiosity);
                 sum += radiosity;
                 squares += light * light;
                 self.sums.most = self.sums.most.max(light);
-                self.sums.nearness += 1.0 / eye.position.distance(spot).max(f32::MIN_POSITIVE);
-                let is_far = horizon.is_far(spot - self.center, normal);
+                let way = spot - self.center;
+                let distance = way.length();
+                self.sums.nearness += 1.0 / distance.max(f32::MIN_POSITIVE);
+                let is_far = horizon.is_far(way, distance, normal);
                 let ends = if is_far { &mut self.far } else { &mut self.near };
                 ends.push(owner as u32, spot, normal, radiosity);
             }

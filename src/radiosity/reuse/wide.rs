@@ -42,7 +42,7 @@ pub(super) struct Summary {
     /// What they receive on average, and the variance of its luminance.
     pub light: Vec3,
     pub noise: f32,
-    /// Harmonic mean distance to where rays ended, metres.
+    /// Harmonic mean distance from its middle to where rays ended, metres.
     pub distance: f32,
     /// From one receiver to the next, metres.
     pub edge: f32,
