@@ -36,6 +36,8 @@ const EDGE_POWER: f32 = 0.625;
 const FAINT: f32 = 0.25;
 /// And against so many times that at most: errors of a bright spot are far above the mean.
 const GLARE: f32 = 16.0;
+/// Lots of points that are shot one after the other, at most.
+const LOTS: u32 = 8;
 /// Of the points.
 const SEED: u32 = 0x6469_7265;
 /// Difference of arriving shares between neighbours that calls for more rays.
@@ -51,6 +53,14 @@ pub(super) struct Known {
     shadow_rays: u64,
     /// Times that rays were shot.
     times: u32,
+}
+
+impl Known {
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        let patches = self.received.capacity() * size_of::<Received>() + self.validity.capacity() * size_of::<f32>();
+        patches as u64 + self.parts.bytes()
+    }
 }
 
 /// The light of `sources`, from as many points as `rays` call for, with those that are `known`.
@@ -92,10 +102,11 @@ pub(super) fn measure(
         looks.look(&task, &mixed, rays, observer)?;
     }
     smooth(coverage, patches, &mixed, &mut looks.received);
-    let wishes = task.wishes(&looks.received, rays.saturating_mul(MORE));
+    let block = rays.saturating_mul(MORE).min(MOST);
+    let wishes = task.wishes(&looks.received, block);
     let edges = some(&|i| wishes[i] > 0);
     observer.begin("direct: shadow edges", edges.len() as u64);
-    looks.look_at_edges(&task, &edges, rays.saturating_mul(MORE), &wishes, observer)?;
+    looks.look_at_edges(&task, &edges, block, &wishes, observer)?;
     smooth(coverage, patches, &edges, &mut looks.received);
     Ok(looks.end())
 }
@@ -118,8 +129,10 @@ impl<'k> Looks<'k> {
         }
         let open = |validity: &f32| *validity == 1.0;
         let changed = known.validity.iter().zip(&patches.validity).map(|(a, b)| open(a) != open(b));
-        let changed = known.received.iter_mut().zip(changed).filter(|(_, changed)| *changed);
-        changed.for_each(|(received, _)| *received = Received::default());
+        for (i, _) in changed.enumerate().filter(|(_, changed)| *changed) {
+            known.received[i] = Received::default();
+            known.parts.forget(i);
+        }
         known.validity.clone_from(&patches.validity);
         let received = if known.times > 0 { known.received.clone() } else { vec![Received::default(); patches.len()] };
         Looks { known, last: vec![Received::default(); patches.len()], received }
@@ -132,7 +145,8 @@ impl<'k> Looks<'k> {
 
     /// Looks at some patches from as many points, with those from which they were looked at before.
     fn look(&mut self, task: &Task, which: &[u32], points: u32, observer: &dyn Observer) -> Result<()> {
-        let lacks = |i: u32| points.saturating_sub(self.before(i).points);
+        // Of texels that are partly enclosed as many points as are open are known: rounded up, they come in few lots.
+        let lacks = |i: u32| points.saturating_sub(self.before(i).points).next_multiple_of(points.div_ceil(LOTS));
         let mut lots: Vec<u32> = which.iter().map(|&i| lacks(i)).collect();
         lots.sort_unstable();
         lots.dedup();
@@ -167,15 +181,17 @@ impl<'k> Looks<'k> {
         divide: bool,
         observer: &dyn Observer,
     ) -> Result<()> {
-        let table = PointTable::of_places(block.min(MOST) as usize, SEED.wrapping_add(self.known.times));
+        let table = PointTable::of_places(block as usize, SEED.wrapping_add(self.known.times));
         for (&(i, _), (one, parts)) in which.iter().zip(task.measure(which, &table, divide, observer)?) {
             let last = &mut self.last[i as usize];
             self.known.shadow_rays += u64::from(one.rays);
             // Blocks of neighbours are nets together: a closer look takes the place of another.
             *last = one.after(last);
             self.join(i);
-            if let Some(parts) = parts {
-                self.known.parts.add(self.received.len(), i, *parts);
+            match parts {
+                Some(parts) => self.known.parts.add(self.received.len(), i, *parts),
+                None if divide => self.known.parts.agree(i, one.points),
+                None => {}
             }
         }
         Ok(())

@@ -123,6 +123,14 @@ pub struct Kept {
     bounce: measure::Known,
 }
 
+impl Kept {
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        let exitance = self.exitance.capacity() * size_of::<Vec3>();
+        self.known.bytes() + self.bounce.bytes() + exitance as u64
+    }
+}
+
 impl Direct {
     /// Measures every patch. `rays` is the number of shadow rays a source where shadows are mixed, of edges four times
     /// that and, where they stay noisy, up to 64 times. Patches that reflect much get a quarter of them, at least 8.

@@ -33,6 +33,24 @@ impl Parts {
         }
     }
 
+    /// Notes that as many points have told that the parts of a patch are alike.
+    pub(super) fn agree(&mut self, patch: u32, points: u32) {
+        if let Some(&k) = self.index.get(patch as usize).filter(|&&k| k != NONE) {
+            let known = &mut self.divided[k as usize];
+            known.add(&Divided { beyond: [Vec3::ZERO; COUNT], points, ..known.clone() });
+        }
+    }
+
+    /// Forgets a patch.
+    pub(super) fn forget(&mut self, patch: usize) {
+        self.index.get_mut(patch).into_iter().for_each(|k| *k = NONE);
+    }
+
+    /// Bytes held.
+    pub(super) fn bytes(&self) -> u64 {
+        (self.index.capacity() * size_of::<u32>() + self.divided.capacity() * size_of::<Divided>()) as u64
+    }
+
     /// True if the parts of a patch differ.
     pub fn divide(&self, patch: usize) -> bool {
         self.index.get(patch).is_some_and(|&k| k != NONE)
@@ -167,6 +185,14 @@ mod tests {
         let at = |x: f32| parts.beyond(1, Vec3::new(x, 0.3, 0.1)).map(|e| e.x);
         assert_eq!([at(0.1), at(0.4), at(0.6), at(-1.0), at(7.0)], [2.0, 2.0, -2.0, 2.0, -2.0].map(Some));
         assert!(parts.beyond(0, Vec3::ZERO).is_none());
+        // As many points that find them alike halve what differs; what is forgotten is gone.
+        let points = parts.divided[0].points;
+        parts.agree(1, points.max(1));
+        parts.agree(0, 64);
+        let share = if points > 0 { 1.0 } else { 0.0 };
+        assert_eq!(parts.beyond(1, Vec3::new(0.1, 0.3, 0.1)).map(|e| e.x), Some(share));
+        parts.forget(1);
+        assert!(parts.beyond(1, Vec3::ZERO).is_none() && parts.beyond(0, Vec3::ZERO).is_none());
     }
 
     #[test]

@@ -15,11 +15,14 @@ pub(super) struct Received {
     pub arrived: f32,
     /// True if some rays to one source arrive and others do not.
     pub mixed: bool,
-    /// Of the luminance of all light, about, from how the rays disagree.
+    /// Of the luminance of all light, about, from how the rays disagree; and the part of it that emitters have.
     pub variance: f32,
+    pub of_emitters: f32,
     pub rays: u32,
-    /// Points from which each source was looked for, or the one that needed most.
+    /// Points from which each source was looked for, or the one that needed most; and those of emitters, which never need
+    /// more than the first.
     pub points: u32,
+    pub first: u32,
 }
 
 impl Received {
@@ -41,9 +44,12 @@ impl Received {
 
     /// What both have told, from points of their own.
     pub fn and(self, o: &Self) -> Self {
-        let points = self.points + o.points;
-        let [a, b] = [self.points, o.points].map(|n| n as f32 / points.max(1) as f32);
-        let mut variance = a * a * self.variance + b * b * o.variance;
+        let shares = |[a, b]: [u32; 2]| [a, b].map(|n| n as f32 / (a + b).max(1) as f32);
+        let [a, b] = shares([self.points, o.points]);
+        let [c, d] = shares([self.first, o.first]);
+        let of_emitters = c * c * self.of_emitters + d * d * o.of_emitters;
+        let of_others = [self, *o].map(|r| r.variance - r.of_emitters);
+        let mut variance = a * a * of_others[0] + b * b * of_others[1] + of_emitters;
         if self.variance == 0.0 || o.variance == 0.0 {
             // The rays of one agree, by chance if its light is another's.
             let difference = luminance(self.total() - o.total());
@@ -54,8 +60,11 @@ impl Received {
             arrived: a * self.arrived + b * o.arrived,
             mixed: self.mixed || o.mixed,
             variance,
+            of_emitters,
             rays: self.rays + o.rays,
-            points,
+            points: self.points + o.points,
+            first: self.first + o.first,
+            emitters: self.emitters * c + o.emitters * d,
             ..self.zip(o, |x, y| x * a + y * b)
         }
     }
@@ -78,7 +87,7 @@ mod tests {
     use super::*;
 
     fn looked(light: f32, variance: f32, points: u32) -> Received {
-        Received { lights: Vec3::splat(light), variance, points, ..Received::default() }
+        Received { lights: Vec3::splat(light), variance, points, first: points, ..Received::default() }
     }
 
     #[test]
@@ -98,6 +107,10 @@ mod tests {
         // One that agrees with itself, but not with the other, has been lucky.
         assert_eq!(looked(2.0, 0.0, 4).and(&looked(6.0, 0.0, 4)).variance, 4.0);
         assert_eq!(looked(2.0, 0.0, 4).and(&looked(2.0, 0.0, 4)).variance, 0.0);
+        // Emitters were looked for from as many points, whatever lamps needed.
+        let lamps = Received { points: 64, first: 16, emitters: Vec3::splat(2.0), ..looked(3.0, 0.0, 0) };
+        let both = lamps.and(&Received { emitters: Vec3::splat(6.0), ..looked(3.0, 0.0, 16) });
+        assert_eq!((both.emitters.x, both.lights.x, both.points, both.first), (4.0, 3.0, 80, 32));
         let alone = Received::default().and(&looked(6.0, 4.0, 16));
         assert_eq!((alone.lights.x, alone.variance), (6.0, 4.0));
     }

@@ -99,7 +99,8 @@ impl Task<'_> {
         // Shifts of their own keep the table's period out of the picture.
         let key = hash(patch as u32, points.len() as u32);
         let shift = Vec2::new(unit_float(key), unit_float(hash(key, 1)));
-        let mut r = Received { points: points.len() as u32, ..Received::default() };
+        let n = points.len() as u32;
+        let mut r = Received { points: n, first: n, ..Received::default() };
         let mut division = divide.then(|| Division::of(footprint));
         let (mut sent, mut arrived) = (0.0, 0.0);
         let mut book = |tally: Tally, r: &mut Received| {
@@ -127,6 +128,7 @@ impl Task<'_> {
         if self.sources.emitters.is_empty() {
             return (Received { sent, arrived, ..r }, division.and_then(Division::finish));
         }
+        let of_others = r.variance;
         let middle = if back { footprint.middle().reversed() } else { footprint.middle() };
         let disc = Disc::of_texel(footprint, &middle);
         self.sources.emitters.cut(&disc, cut);
@@ -171,6 +173,7 @@ impl Task<'_> {
             // Its spread is in the noise.
             book(Tally { through: [0.0; 2], ..tally }, &mut r);
         }
+        r.of_emitters = r.variance - of_others;
         (Received { sent, arrived, ..r }, division.and_then(Division::finish))
     }
 

@@ -25,7 +25,8 @@ pub struct Enclosure<'a> {
 }
 
 impl<'a> Enclosure<'a> {
-    /// Points of a texel that must be found enclosed by all probes before one beside its ray is trusted for the others.
+    /// Points of a texel that must be found enclosed, by all probes from one of them or from some together, before one beside
+    /// its ray is trusted for the others.
     pub const TRUST: usize = 2;
 
     /// Prepares the probes.
@@ -53,7 +54,7 @@ impl<'a> Enclosure<'a> {
             .map(|seen| matches!(seen, Seen::Back | Seen::Sheet))
             .collect();
         let inside: Vec<&SurfacePoint> = points.iter().zip(&enclosed).filter(|(_, e)| **e).map(|(p, _)| p).collect();
-        // What holds for all of them holds for each.
+        // They lie in one texel: what encloses most of them encloses all, but for what a few fronts are worth.
         if *found < Self::TRUST
             && inside.len() > 1
             && self.surround(&inside, self.probes.block(at.x, at.y, 1 + *found), turn)

@@ -9,7 +9,7 @@ mod walk;
 
 use crate::{
     math::{
-        hash,
+        hash, luminance,
         simd::{self, LANES, Lanes, Level, Task},
         unit_float,
     },
@@ -123,6 +123,14 @@ impl<'s> Tracer<'s> {
     pub fn transmittance_of_each(&self, segments: &[Segment], through: &mut [Vec3]) {
         assert_eq!(segments.len(), through.len(), "a share for each segment");
         simd::run(self.level, Through { tracer: self, segments, through });
+    }
+
+    /// Whether more than half of the light comes through from one place to the other, of each two.
+    pub fn are_open(&self, ways: &[[Vec3; 2]]) -> Vec<bool> {
+        let segment = |&[origin, to]: &[Vec3; 2]| Segment { origin, direction: to - origin, t: 1.0, from: NOWHERE };
+        let mut through = vec![Vec3::ZERO; ways.len()];
+        self.transmittance_of_each(&ways.iter().map(segment).collect::<Vec<_>>(), &mut through);
+        through.into_iter().map(|share| luminance(share) > 0.5).collect()
     }
 
     #[cold]

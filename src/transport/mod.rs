@@ -156,6 +156,16 @@ pub struct Eye {
     pub normal: Vec3,
 }
 
+/// Height, in texels, above which something that stands between two texels parts them.
+const LIFT: f32 = 0.5;
+
+impl Eye {
+    /// Where it looks to others from; its texel is so wide, metres.
+    pub fn above(&self, edge: f32) -> Vec3 {
+        self.position + self.normal * (LIFT * edge)
+    }
+}
+
 /// P: how patches read what receivers received.
 #[derive(Clone, Debug)]
 pub enum Interpolation {

@@ -3,14 +3,10 @@
 use super::Transport;
 use crate::{
     atlas::{Coverage, NO_TEXEL},
-    math::luminance,
     patches::{Patches, continues},
-    trace::{NOWHERE, Segment, Tracer},
+    trace::Tracer,
 };
 use glam::{UVec2, Vec3};
-
-/// Height, in texels, above which something that stands between two texels parts them.
-const LIFT: f32 = 0.5;
 
 /// Looks from one receiver to others; all of them have [`Transport::eyes`].
 pub struct Neighbours<'a> {
@@ -41,16 +37,10 @@ impl Neighbours<'_> {
     /// with nothing standing between; the leader is one of them.
     pub fn around(&self, leader: u32, receivers: &[u32], texels: u32) -> Vec<u32> {
         let some = receivers.iter().copied().filter(|&r| self.continues(leader, r, texels));
-        let above = |r: u32| {
-            let eye = &self.transport.eyes[r as usize];
-            eye.position + eye.normal * (LIFT * self.size(r))
-        };
+        let above = |r: u32| self.transport.eyes[r as usize].above(self.size(r));
         let origin = above(leader);
-        let (some, ways): (Vec<u32>, Vec<Segment>) =
-            some.map(|r| (r, Segment { origin, direction: above(r) - origin, t: 1.0, from: NOWHERE })).unzip();
-        let mut through = vec![Vec3::ZERO; ways.len()];
-        self.tracer.transmittance_of_each(&ways, &mut through);
-        let joined = some.into_iter().zip(through).filter(|&(r, way)| r == leader || luminance(way) > 0.5);
+        let (some, ways): (Vec<u32>, Vec<[Vec3; 2]>) = some.map(|r| (r, [origin, above(r)])).unzip();
+        let joined = some.into_iter().zip(self.tracer.are_open(&ways)).filter(|&(r, open)| r == leader || open);
         joined.map(|(r, _)| r).collect()
     }
 

@@ -85,7 +85,7 @@ pub struct Bake {
           conflicts_with_all = ["rays", "bounces"])]
     pub quality: Option<Quality>,
 
-    /// Rays a texel for indirect light, 1 to 65536, and twice as many shadow rays a source, 16 at least, fewer beyond 64. Up to 64, or up to 2^28 in all, neighbours use each other's rays, which
+    /// Rays a texel for indirect light, 1 to 65536, and twice as many shadow rays a source, 8 at least, fewer beyond 64. Up to 64, or up to 2^28 in all, neighbours use each other's rays, which
     /// is worth four to eight times as many; texels with too few neighbours for it have 4 N, or 16 N and 64 N where rays differ much. A fixed effort: refuses --error, --time and --quality [with --bounces: 64]
     #[arg(long, value_name = "N", help_heading = "Effort",
           value_parser = RangedU64ValueParser::<u32>::new().range(1..=65536), allow_negative_numbers = true)]

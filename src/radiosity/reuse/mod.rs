@@ -28,7 +28,7 @@ use crate::{
     transport::{Eye, Neighbours, Stats},
 };
 use glam::{UVec2, Vec2, Vec3};
-use pool::{Own, Pool};
+use pool::{Own, Pool, Sums};
 use rayon::prelude::*;
 use wide::{Summary, Tile};
 
@@ -145,8 +145,9 @@ impl<'a> Gather<'a> {
         check(observer)?;
         let (found, summaries): (Vec<Vec<Found>>, Vec<Summary>) =
             shared.into_iter().flatten().map(|Shared { found, summary }| (found, summary)).unzip();
+        // Below zero where rows take back what was sampled; nothing is cut off before that is added.
         let found = found.iter().zip(wide::corrections(&summaries, self.neighbours.tracer));
-        let found = found.flat_map(|(found, add)| found.iter().map(move |f| (f, (f.irradiance + add).max(Vec3::ZERO))));
+        let found = found.flat_map(|(found, add)| found.iter().map(move |f| (f, f.irradiance + add)));
         let mut weights = vec![0.0; irradiance.len()];
         for (&Found { receiver, weight, .. }, e) in found {
             let (mean, sum) = (&mut irradiance[receiver as usize], &mut weights[receiver as usize]);
@@ -183,31 +184,34 @@ impl<'a> Gather<'a> {
             pool.collect(self, &members);
             let shared = pool.shared(level);
             let of_members = members.into_iter().zip(shared).zip(pool.own());
-            let (sharing, mut samples) = self.samples(of_members);
+            let (sharing, mut samples, sums) = self.samples(of_members);
             left.retain(|r| *r != leader && !sharing.contains(r));
             if sharing.len() < ENOUGH {
                 continue;
             }
-            straighten(&mut samples, pool.most());
+            straighten(&mut samples, sums.most);
             let area = sharing.iter().map(|&r| patches.area[texel(r)]).sum::<f32>() / sharing.len() as f32;
             let eyes = sharing.iter().map(|&r| transport.eyes[r as usize]);
-            let summary = pool.summary(tile, area.sqrt() * stride as f32, eyes.zip(samples.iter().map(|s| s.shared)));
+            let of_members = eyes.zip(samples.iter().map(|s| s.shared));
+            let summary = Summary::of(tile, area.sqrt() * stride as f32, of_members, &sums);
             let of_stride = sharing.into_iter().zip(samples).filter(|(r, _)| transport.stride(*r as usize) == stride);
             found.push(Shared { found: of_stride.map(|(r, s)| find((r, s.shared))).collect(), summary });
         }
         found
     }
 
-    /// The receivers of a pool that share, and what is known of them: what they share, what their own rays say, and its noise.
-    fn samples(&self, members: impl Iterator<Item = ((u32, Option<Vec3>), Own)>) -> (Vec<u32>, Vec<Sample>) {
-        let mut axes = None;
-        let sample = |((r, shared), Own { light, noise, rays }): ((u32, Option<Vec3>), Own)| {
+    /// The receivers of a pool that share, what is known of them, and the sums over their rays.
+    fn samples(&self, members: impl Iterator<Item = ((u32, Option<Vec3>), Own)>) -> (Vec<u32>, Vec<Sample>, Sums) {
+        let (mut axes, mut all) = (None, Sums::default());
+        let sample = |((r, shared), Own { light, noise, sums }): ((u32, Option<Vec3>), Own)| {
             let eye = &self.neighbours.transport.eyes[r as usize];
             let shared = shared?;
             let at = axes.get_or_insert_with(|| Frame::around(eye.normal)).flat(eye.position);
-            Some((r, Sample { at, own: light, shared, noise, rays }))
+            all.add(&sums);
+            Some((r, Sample { at, own: light, shared, noise, rays: sums.rays }))
         };
-        members.filter_map(sample).unzip()
+        let (receivers, samples) = members.filter_map(sample).unzip();
+        (receivers, samples, all)
     }
 }
 

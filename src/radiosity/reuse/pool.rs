@@ -13,11 +13,9 @@
 //! What is far away is seen alike by all receivers: there ([`far`](super::far)), densities are linear in where they stand.
 
 use super::{
-    super::grouped::net,
     Column, Gather,
     ends::List,
     far::{Basis, Horizon, Moments},
-    wide::{Summary, Tile},
 };
 use crate::{
     math::{
@@ -46,19 +44,6 @@ pub(super) struct Pool {
     far: List,
     /// How densely the rays of each member fall on where those near have ended: one row a member.
     densities: Vec<Eight>,
-    sums: Sums,
-}
-
-/// Over all rays.
-#[derive(Default)]
-struct Sums {
-    rays: f32,
-    light: f32,
-    squares: f32,
-    /// Of one over their ends' distances from the middle.
-    nearness: f32,
-    /// Of their light.
-    most: f32,
 }
 
 /// What a receiver receives by its own rays.
@@ -67,7 +52,29 @@ pub(super) struct Own {
     pub light: Vec3,
     /// Variance of the luminance; infinite by one ray, which does not tell.
     pub noise: f32,
+    pub sums: Sums,
+}
+
+/// Sums over rays.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Sums {
     pub rays: f32,
+    /// Of their luminance, and of its squares; the most.
+    pub light: f32,
+    pub squares: f32,
+    pub most: f32,
+    /// Of one over their ends' distances from the middle of the pool.
+    pub nearness: f32,
+}
+
+impl Sums {
+    pub fn add(&mut self, o: &Self) {
+        self.rays += o.rays;
+        self.light += o.light;
+        self.squares += o.squares;
+        self.most = self.most.max(o.most);
+        self.nearness += o.nearness;
+    }
 }
 
 struct Member {
@@ -88,66 +95,38 @@ impl Pool {
         self.members.clear();
         self.near.clear();
         self.far.clear();
-        self.sums = Sums::default();
         for (owner, (eye, &receiver)) in eyes().zip(receivers).enumerate() {
             let ends = transport.rows.ends(receiver as usize);
-            let rays = ends.columns.len() as f32;
-            let (mut sum, mut squares) = (Vec3::ZERO, 0.0);
+            let mut sum = Vec3::ZERO;
+            let mut sums = Sums { rays: ends.columns.len() as f32, ..Sums::default() };
             for (&column, &spot) in ends.columns.iter().zip(ends.spots) {
                 // The sky, and what has no patch, faces whoever sees it.
                 let facing = || (eye.position - spot).normalize_or_zero();
                 let Column { radiosity, normal, .. } = gather.met(&eye, column, spot);
                 let normal = if normal == Vec3::ZERO { facing() } else { normal };
                 let light = luminance(radiosity);
-                sum += radiosity;
-                squares += light * light;
-                self.sums.most = self.sums.most.max(light);
                 let way = spot - self.center;
                 let distance = way.length();
-                self.sums.nearness += 1.0 / distance.max(f32::MIN_POSITIVE);
+                sum += radiosity;
+                sums.light += light;
+                sums.squares += light * light;
+                sums.most = sums.most.max(light);
+                sums.nearness += 1.0 / distance.max(f32::MIN_POSITIVE);
                 let is_far = horizon.is_far(way, distance, normal);
                 let ends = if is_far { &mut self.far } else { &mut self.near };
                 ends.push(owner as u32, spot, normal, radiosity);
             }
-            let own = sum / rays.max(1.0);
-            let noise = (squares - rays * luminance(own).powi(2)).max(0.0) / (rays * (rays - 1.0));
-            self.sums.rays += rays;
-            self.sums.light += luminance(sum);
-            self.sums.squares += squares;
+            let rays = sums.rays;
+            let light = sum / rays.max(1.0);
+            let noise = (sums.squares - rays * luminance(light).powi(2)).max(0.0) / (rays * (rays - 1.0));
             let noise = if rays < 2.0 { f32::INFINITY } else { noise };
-            self.members.push(Member { eye, own: Own { light: own, noise, rays } });
+            self.members.push(Member { eye, own: Own { light, noise, sums } });
         }
     }
 
     /// What each receiver receives by its own rays.
     pub fn own(&self) -> impl Iterator<Item = Own> {
         self.members.iter().map(|m| m.own)
-    }
-
-    /// The brightest that a ray has met.
-    pub fn most(&self) -> f32 {
-        self.sums.most
-    }
-
-    /// What all rays say of receivers that share what they see, and of what these receive. `edge`: of one, metres.
-    pub fn summary(&self, tile: Tile, edge: f32, shared: impl ExactSizeIterator<Item = (Eye, Vec3)>) -> Summary {
-        let (count, mut position, mut normal, mut light) = (shared.len() as f32, Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
-        for (eye, e) in shared {
-            position += eye.position;
-            normal += eye.normal;
-            light += e;
-        }
-        let Sums { rays, nearness, .. } = self.sums;
-        let mean = self.sums.light / rays;
-        let variance = (self.sums.squares / rays - mean * mean).max(0.0);
-        Summary {
-            tile,
-            eye: Eye { position: position / count, normal: normal.normalize_or_zero() },
-            light: light / count,
-            noise: variance / rays * net(rays / self.members.len() as f32),
-            distance: rays / nearness,
-            edge,
-        }
     }
 
     /// Of each receiver what it receives by the rays of all; `None` if it sees something else.
@@ -171,12 +150,12 @@ impl Task for Share<'_> {
         densities.resize(members.len() * near.len(), ZERO);
         for (member, row) in members.iter().zip(densities.chunks_exact_mut(near.len().max(1))) {
             for (end, density) in near.iter().zip(row) {
-                *density = end.density::<S>(&member.eye, member.own.rays).store();
+                *density = end.density::<S>(&member.eye, member.own.sums.rays).store();
             }
         }
         let mut bases = Vec::with_capacity(members.len());
         for member in members.iter() {
-            bases.push(Basis::of(&member.eye, member.own.rays, *center));
+            bases.push(Basis::of(&member.eye, member.own.sums.rays, *center));
         }
         let mut shares = vec![true; members.len()];
         let mut inverse = vec![ZERO; near.len()];
@@ -211,7 +190,7 @@ impl Task for Share<'_> {
                 if weight > 0.0 {
                     received[m] = Some(sum.truncate() / weight);
                 }
-                if (weight / member.own.rays - 1.0).abs() > APART + CHANCE / member.own.rays.sqrt() {
+                if (weight / member.own.sums.rays - 1.0).abs() > APART + CHANCE / member.own.sums.rays.sqrt() {
                     shares[m] = false;
                     left = true;
                 }

@@ -1,16 +1,10 @@
 //! [`Blocks`]: squares of texels over which the light can hardly vary.
 
 use super::{LEVELS, surroundings::Surroundings};
-use crate::{
-    atlas::Coverage,
-    math::luminance,
-    trace::{NOWHERE, Segment, Tracer},
-};
-use glam::{UVec2, Vec3};
+use crate::{atlas::Coverage, trace::Tracer, transport::LIFT};
+use glam::UVec2;
 use rayon::prelude::*;
 
-/// Height, in texels, above which something that stands between two corners parts them.
-const LIFT: f32 = 0.5;
 /// How far a texel may lie from where its corners say, in texels: those at borders are cut.
 const ASTRAY: f32 = 0.5;
 
@@ -136,11 +130,7 @@ impl Judge<'_> {
     fn is_open(&self, corners: [&Surroundings; 4], pitch: f32) -> bool {
         let above = corners.map(|g| g.center + g.normal * (LIFT * pitch));
         let ways = [(0, 1), (2, 3), (0, 2), (1, 3), (0, 3), (1, 2)];
-        let ways =
-            ways.map(|(a, b)| Segment { origin: above[a], direction: above[b] - above[a], t: 1.0, from: NOWHERE });
-        let mut through = [Vec3::ZERO; 6];
-        self.tracer.transmittance_of_each(&ways, &mut through);
-        through.into_iter().all(|way| luminance(way) > 0.5)
+        self.tracer.are_open(&ways.map(|(a, b)| [above[a], above[b]])).into_iter().all(|open| open)
     }
 }
 
