@@ -214,7 +214,7 @@ mod tests {
         let law = |p: Vec2| if p.x < 7.5 { 1.0 } else { 1.1 };
         let pools = floor(law, 50.0);
         let across = |scene: &Scene| {
-            let (add, _) = corrected(&pools, |p| law(p), scene);
+            let (add, _) = corrected(&pools, law, scene);
             let side = |x: u32| (0..256).filter(move |k| k % 16 == x as usize);
             let mean = |x: u32| {
                 side(x).map(|k| pools[k].light.x + add[k].x - law(pools[k].tile.at.as_vec2())).sum::<f32>() / 16.0
