@@ -149,8 +149,8 @@ pub fn bake_to<'s>(scene: &'s Scene, options: &Options, target: &Target, observe
         // Rows that are kept give way block by block, and leave holes that not all others fit into.
         let refines = lit.transport.can_refine(&more.transport);
         kept = if refines { rays } else { 0 };
-        let kept = if refines { lit.transport.rows.bytes() + lit.shadows.bytes() } else { 0 };
-        let taken_mb = ground.taken_mb + (kept >> 20);
+        let held = if refines { lit.transport.rows.bytes() + lit.shadows.bytes() } else { 0 };
+        let taken_mb = ground.taken_mb + (held >> 20);
         let rows = memory::fits(more.transport.bytes_of_rows(receivers) >> 20, plan::free_beside(taken_mb), "");
         match plan::announce(scene, &ground.atlas, &ground.coverage, &more, taken_mb, observer).and(rows) {
             Err(Error::Memory { .. }) => break lit,

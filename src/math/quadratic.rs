@@ -3,7 +3,6 @@
 
 use super::simd::LANES;
 use glam::{Vec2, Vec3};
-use std::borrow::Borrow;
 
 /// Orthonormal polynomials up to second order over some places, of which the one at zero is the middle.
 #[derive(Clone)]
@@ -54,8 +53,8 @@ impl Quadratic {
     }
 
     /// The fit at the middle.
-    pub fn middle(&self, values: impl IntoIterator<Item = impl Borrow<Vec3>>) -> Vec3 {
-        self.weights.iter().zip(values).map(|(weight, value)| *value.borrow() * *weight).sum()
+    pub fn middle(&self, values: impl Iterator<Item = Vec3>) -> Vec3 {
+        self.weights.iter().zip(values).map(|(weight, value)| value * *weight).sum()
     }
 
     /// Variance of what the fit leaves of the values, of which there are more than its terms.
