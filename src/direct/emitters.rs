@@ -9,7 +9,7 @@ use super::{disc::Disc, lambert::Corners};
 use crate::{
     atlas::Coverage,
     math::luminance,
-    patches::{Footprint, Patches, SurfacePoint},
+    patches::{Faces, Footprint, Patches, SurfacePoint},
     scene::{Material, Mesh, Scene, World},
     trace::rounding,
 };
@@ -96,11 +96,11 @@ impl Emitters {
 
     /// The pieces of all patches of which `exitance` is not zero.
     pub fn of_patches(world: &World, coverage: &Coverage, patches: &Patches, exitance: &[Vec3]) -> Self {
-        let mut footprint = Footprint::new(world, coverage);
+        let (mut faces, mut footprint) = (Faces::new(world, coverage), Footprint::default());
         let mut triangles = Vec::new();
         for (i, m) in exitance.iter().enumerate().filter(|(_, m)| **m != Vec3::ZERO) {
             let (texel, back) = patches.texel(i);
-            footprint.set(texel);
+            footprint.set(texel, &mut faces);
             // What rays pass through sends nothing.
             let met = patches.area[i] / footprint.area().max(1e-30);
             let radiance = *m * (met * std::f32::consts::FRAC_1_PI);

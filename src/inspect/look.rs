@@ -3,7 +3,7 @@
 use crate::{
     audit::Subject,
     math::{PointTable, cosine_hemisphere, hash},
-    patches::{Footprint, Seen, seen},
+    patches::{Faces, Footprint, Seen, seen},
 };
 use rayon::prelude::*;
 
@@ -24,8 +24,8 @@ const RAYS: usize = 4;
 pub(super) fn around(subject: &Subject) -> Vec<Look> {
     let (tracer, coverage) = (subject.tracer, subject.coverage);
     let table = PointTable::of_places(POINTS * RAYS, 0x696e_7370);
-    let one = |footprint: &mut Footprint, texel: usize| {
-        footprint.set(texel);
+    let one = |faces: &mut Faces, texel: usize| {
+        let footprint = Footprint::of(texel, faces);
         if footprint.faces().is_empty() {
             return Look { valid: 1.0, seen: 0.0 };
         }
@@ -47,6 +47,6 @@ pub(super) fn around(subject: &Subject) -> Vec<Look> {
         }
         Look { valid: open as f32 / POINTS as f32, seen: met as f32 / (POINTS * RAYS) as f32 }
     };
-    let fresh = || Footprint::new(&tracer.world, coverage);
+    let fresh = || Faces::new(&tracer.world, coverage);
     (0..coverage.texels.len()).into_par_iter().map_init(fresh, one).collect()
 }

@@ -6,22 +6,26 @@ use crate::{
     scene::{World, shading_normal},
     trace::{Ray, Segment, rounding},
 };
-use glam::{DMat2, DVec2, DVec3, Mat2, Vec2, Vec3};
+use glam::{DMat2, DVec2, Mat2, Vec2, Vec3};
 
 /// The surface inside one texel, cut into cells that are affine images of the unit square or its lower half.
 ///
-/// Reused from texel to texel: [`Footprint::set`] keeps the allocations, and the faces that the next texel has, too.
-pub struct Footprint<'w> {
-    world: &'w World<'w>,
-    coverage: &'w Coverage,
+/// Reused from texel to texel: [`Footprint::set`] keeps the allocations.
+#[derive(Default)]
+pub struct Footprint {
     cells: Vec<Cell>,
     faces: Vec<Face>,
-    /// The first of the texel before.
-    before: Vec<Face>,
 }
 
-/// Faces of a texel that the next is likely to have, too: where there are more, triangles are smaller than texels.
-const KEPT: usize = 4;
+/// Triangles of a world, made ready when they are first asked for: texels beside each other share most of them.
+pub struct Faces<'w> {
+    world: &'w World<'w>,
+    coverage: &'w Coverage,
+    /// By the last digits of their numbers, the last that was asked for.
+    slots: Vec<Option<Face>>,
+}
+
+const SLOTS: usize = 64;
 
 /// Cells among which one is found by comparing with all.
 const FEW: usize = 8;
@@ -48,9 +52,9 @@ pub struct Face {
     /// At its corners, where it is shaded smoothly.
     smooth: Option<[Vec3; 3]>,
     offset: f32,
-    corners: [DVec3; 3],
+    corners: [Vec3; 3],
     /// Its corners on the page, texels.
-    uv: [DVec2; 3],
+    uv: [Vec2; 3],
     /// From there to barycentrics.
     inverse: DMat2,
 }
@@ -131,22 +135,23 @@ impl Face {
         let corners = world.corners(instance, local);
         let normal = world.cross(instance, &corners).normalize_or_zero();
         let smooth = world.smooth_normals(instance, local, normal);
-        let uv = coverage.charted[triangle as usize].exact();
+        let charted = &coverage.charted[triangle as usize];
+        let [a, b, c] = charted.exact();
         Face {
             triangle,
             normal,
             frame: Frame::around(normal),
             smooth,
             offset: rounding(&corners),
-            corners: corners.map(|c| c.as_dvec3()),
-            uv,
-            inverse: DMat2::from_cols(uv[1] - uv[0], uv[2] - uv[0]).inverse(),
+            corners,
+            uv: charted.corners,
+            inverse: DMat2::from_cols(b - a, c - a).inverse(),
         }
     }
 
     /// Barycentrics of a place on the page.
     fn bary(&self, at: DVec2) -> DVec2 {
-        self.inverse * (at - self.uv[0])
+        self.inverse * (at - self.uv[0].as_dvec2())
     }
 
     /// True if the texel whose first corner is at `bary` lies in the triangle.
@@ -165,31 +170,40 @@ impl Face {
     }
 }
 
-impl<'w> Footprint<'w> {
-    /// An empty footprint.
+impl<'w> Faces<'w> {
+    /// None yet.
     pub fn new(world: &'w World<'w>, coverage: &'w Coverage) -> Self {
-        Footprint { world, coverage, cells: Vec::new(), faces: Vec::new(), before: Vec::new() }
+        Faces { world, coverage, slots: vec![None; SLOTS] }
+    }
+
+    fn get(&mut self, triangle: u32) -> &Face {
+        let slot = &mut self.slots[triangle as usize % SLOTS];
+        if slot.as_ref().is_some_and(|face| face.triangle != triangle) {
+            *slot = None;
+        }
+        slot.get_or_insert_with(|| Face::new(self.world, self.coverage, triangle))
+    }
+}
+
+impl Footprint {
+    /// That of one texel.
+    pub fn of(texel: usize, faces: &mut Faces) -> Self {
+        let mut footprint = Footprint::default();
+        footprint.set(texel, faces);
+        footprint
     }
 
     /// Takes on the surface inside `texel`.
-    pub fn set(&mut self, texel: usize) {
-        self.set_beside(texel, &[]);
-    }
-
-    /// The same where some `faces` are known, of a texel beside it.
-    pub fn set_beside(&mut self, texel: usize, faces: &[Face]) {
-        let (world, coverage) = (self.world, self.coverage);
+    pub fn set(&mut self, texel: usize, faces: &mut Faces) {
+        let coverage = faces.coverage;
         self.cells.clear();
-        self.before.clear();
-        self.before.extend(self.faces.drain(..).take(KEPT));
+        self.faces.clear();
         let at = coverage.texels[texel].at.as_dvec2();
         let mut sum = 0.0;
         for fragment in coverage.fragments_of(texel) {
-            let known =
-                self.before.iter().chain(faces.iter().take(KEPT)).find(|face| face.triangle == fragment.triangle);
-            let face = known.cloned().unwrap_or_else(|| Face::new(world, coverage, fragment.triangle));
-            sum = cut(&face, self.faces.len() as u32, at, fragment.area, sum, &mut self.cells);
-            self.faces.push(face);
+            let face = faces.get(fragment.triangle);
+            sum = cut(face, self.faces.len() as u32, at, fragment.area, sum, &mut self.cells);
+            self.faces.push(face.clone());
         }
     }
 
@@ -325,7 +339,7 @@ impl<'w> Footprint<'w> {
 /// Adds the cells of the part of a face, the `index`-th, inside the texel at `at`; `area` is that of the part, `sum` that of
 /// the cells before. Returns the new sum.
 fn cut(face: &Face, index: u32, at: DVec2, area: f32, mut sum: f32, cells: &mut Vec<Cell>) -> f32 {
-    let [p, q, r] = face.corners;
+    let [p, q, r] = face.corners.map(|c| c.as_dvec3());
     let position = |b: DVec2| (p + (q - p) * b.x + (r - p) * b.y).as_vec3();
     let mut add = |square: bool, [a, b, c]: [DVec2; 3], share: f64| {
         let after = sum + area * share as f32;
@@ -351,7 +365,7 @@ fn cut(face: &Face, index: u32, at: DVec2, area: f32, mut sum: f32, cells: &mut 
     let mut place = clipped;
     if clipped.area() == 0.0 {
         // Rounding ate it: as the coverage was cut, that found some.
-        clipped = Polygon::triangle(face.uv).clipped_to_cell(at);
+        clipped = Polygon::triangle(face.uv.map(|c| c.as_dvec2())).clipped_to_cell(at);
         place = clipped.map(|c| face.bary(c));
     }
     let (total, c, b) = (clipped.area(), clipped.corners(), place.corners());

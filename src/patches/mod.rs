@@ -6,8 +6,8 @@
 mod enclosed;
 mod footprint;
 
-pub use enclosed::Enclosure;
-pub use footprint::{Cell, Face, Footprint, SurfacePoint};
+pub use enclosed::{Enclosure, Proved};
+pub use footprint::{Cell, Face, Faces, Footprint, SurfacePoint};
 
 use crate::{
     atlas::{Coverage, NO_PAGE},
@@ -78,8 +78,11 @@ impl Patches {
         let fronts: Vec<Front> = (0..coverage.texels.len())
             .into_par_iter()
             .map_init(
-                || Footprint::new(world, coverage),
-                |footprint, t| front(world, coverage, &table, footprint, t, max_reflectance),
+                || (Faces::new(world, coverage), Footprint::default()),
+                |(faces, footprint), t| {
+                    footprint.set(t, faces);
+                    front(world, coverage, &table, footprint, t, max_reflectance)
+                },
             )
             .collect();
         let area_of = |pick: fn(&Front) -> bool| fronts.iter().filter(|f| pick(f)).map(|f| f64::from(f.area)).sum();
@@ -159,11 +162,10 @@ fn front(
     world: &World,
     coverage: &Coverage,
     table: &PointTable,
-    footprint: &mut Footprint,
+    footprint: &Footprint,
     texel: usize,
     max_reflectance: f32,
 ) -> Front {
-    footprint.set(texel);
     let at = coverage.texels[texel].at;
     let (mut reflectance, mut emission, mut weight, mut dielectric) = (Vec3::ZERO, Vec3::ZERO, 0.0, 0.0);
     let mut add = |triangle: u32, bary: Vec2, size: f32, share: f32| {

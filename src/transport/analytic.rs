@@ -15,7 +15,7 @@ use crate::{
     atlas::Coverage,
     error::Result,
     math::{PointTable, hash},
-    patches::{Footprint, Patches, SurfacePoint},
+    patches::{Faces, Footprint, Patches, SurfacePoint},
     progress::{Observer, check},
     trace::{NOWHERE, Segment, Tracer},
 };
@@ -82,9 +82,9 @@ pub(super) fn measure(
 
 /// The integral is that of flat faces.
 fn refuse_smooth(tracer: &Tracer, coverage: &Coverage) -> Result<()> {
-    let mut footprint = Footprint::new(&tracer.world, coverage);
+    let (mut faces, mut footprint) = (Faces::new(&tracer.world, coverage), Footprint::default());
     for texel in 0..coverage.texels.len() {
-        footprint.set(texel);
+        footprint.set(texel, &mut faces);
         if let Some(face) = footprint.faces().iter().find(|face| face.flat().is_none()) {
             let instance = tracer.world.locate(face.triangle).0;
             let name = &tracer.world.scene.instances[instance].name;
@@ -106,9 +106,9 @@ struct Shape {
 
 fn shapes(tracer: &Tracer, coverage: &Coverage, patches: &Patches) -> Vec<Shape> {
     let table = PointTable::of_places(SEGMENTS, 0x7061_6972);
-    let shape = |footprint: &mut Footprint, patch: usize| {
+    let shape = |faces: &mut Faces, patch: usize| {
         let (texel, back) = patches.texel(patch);
-        footprint.set(texel);
+        let footprint = Footprint::of(texel, faces);
         let polygons: Vec<Polygon> = footprint.polygons().filter_map(|corners| polygon(&corners, back)).collect();
         let points = table.block(coverage.texels[texel].at.x, coverage.texels[texel].at.y, 0).iter();
         let side = |p: SurfacePoint| if back { p.reversed() } else { p };
@@ -118,7 +118,7 @@ fn shapes(tracer: &Tracer, coverage: &Coverage, patches: &Patches) -> Vec<Shape>
         Shape { polygons, area, rounding, points }
     };
     let all = (0..patches.len()).into_par_iter();
-    all.map_init(|| Footprint::new(&tracer.world, coverage), |f, patch| shape(f, patch)).collect()
+    all.map_init(|| Faces::new(&tracer.world, coverage), shape).collect()
 }
 
 fn polygon(corners: &[Vec3], back: bool) -> Option<Polygon> {

@@ -104,7 +104,7 @@ impl Method for Hemicube<'_> {
 
     fn block<'s>(&'s self, desk: &mut Desk<'s>, task: &Task, observer: &dyn Observer) -> Done {
         let mut done = Done::default();
-        let (receivers, _) = desk.clear(&self.sight, &self.table, &task.texels, task.back);
+        let (receivers, _) = desk.clear(&self.table, &task.texels, task.back);
         for receiver in receivers {
             if observer.cancelled() {
                 return done;
@@ -133,7 +133,7 @@ impl Hemicube<'_> {
         let mut view = self.view(receiver, &points[0], &mut done.stats);
         let (mut validity, mut buried) = (1.0, false);
         if !view.behind.is_empty() {
-            let enclosed = self.sight.holds(receiver, &points, &mut 0);
+            let enclosed = self.sight.holds(receiver, &points, &mut 0, &mut Vec::new());
             let open = enclosed.iter().filter(|enclosed| !**enclosed).count();
             match enclosed.iter().position(|enclosed| !enclosed) {
                 Some(0) => {}

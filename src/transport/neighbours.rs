@@ -6,7 +6,7 @@ use crate::{
     patches::{Patches, continues},
     trace::Tracer,
 };
-use glam::{UVec2, Vec3};
+use glam::UVec2;
 
 /// Looks from one receiver to others; all of them have [`Transport::eyes`].
 pub struct Neighbours<'a> {
@@ -39,7 +39,9 @@ impl Neighbours<'_> {
         let some = receivers.iter().copied().filter(|&r| self.continues(leader, r, texels));
         let above = |r: u32| self.transport.eyes[r as usize].above(self.size(r));
         let origin = above(leader);
-        let (some, ways): (Vec<u32>, Vec<[Vec3; 2]>) = some.map(|r| (r, [origin, above(r)])).unzip();
+        let mut ways = (Vec::with_capacity(receivers.len()), Vec::with_capacity(receivers.len()));
+        ways.extend(some.map(|r| (r, [origin, above(r)])));
+        let (some, ways) = ways;
         let joined = some.into_iter().zip(self.tracer.are_open(&ways)).filter(|&(r, open)| r == leader || open);
         joined.map(|(r, _)| r).collect()
     }

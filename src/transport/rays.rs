@@ -18,7 +18,7 @@ use crate::{
     atlas::Coverage,
     error::Result,
     math::{Point, PointTable, hash},
-    patches::{Patches, SurfacePoint},
+    patches::{Patches, Proved, SurfacePoint},
     progress::{Observer, check},
     trace::{NOWHERE, Ray, Tracer},
 };
@@ -85,7 +85,7 @@ pub fn sample<T: Send>(
     // Long rows take much memory.
     let together = (AT_ONCE / shooter.first.rays().max(1)).clamp(1, BLOCK);
     let tasks = texels.par_chunks(together).zip(fronts.par_chunks(together));
-    let done: Vec<(Vec<Option<T>>, Stats)> = tasks.map_init(Desk::default, run).collect();
+    let done: Vec<(Vec<Option<T>>, Stats)> = tasks.map_init(|| Desk::new(&shooter.sight), run).collect();
     check(observer)?;
     let (mut out, mut stats) = (Vec::with_capacity(texels.len()), Stats::default());
     for (some, of_some) in done {
@@ -100,9 +100,9 @@ pub fn sample<T: Send>(
 pub fn rays_of_rows(tracer: &Tracer, coverage: &Coverage, rays: u32) -> Vec<Ray> {
     let (sight, lot) = (Sight::new(tracer, coverage), Lot::new(0..rays));
     let texels: Vec<u32> = (0..coverage.texels.len() as u32).collect();
-    let (mut out, mut desk) = (Vec::with_capacity(texels.len() * lot.rays()), Desk::default());
+    let (mut out, mut desk) = (Vec::with_capacity(texels.len() * lot.rays()), Desk::new(&sight));
     for texels in texels.chunks(BLOCK) {
-        let (receivers, _) = desk.clear(&sight, &lot.table, texels, false);
+        let (receivers, _) = desk.clear(&lot.table, texels, false);
         for k in 0..lot.rays() {
             out.extend(receivers.iter().map(|r| lot.ray(r, r.point(k), k)));
         }
@@ -117,6 +117,14 @@ struct Shooter<'a> {
     /// Rays of rows that have none yet, and those that the others lack.
     first: Lot,
     more: Option<Lot>,
+}
+
+/// What is known of a texel before its points are looked at.
+struct Hint {
+    /// If all of its rays meet backs, how many do thereabouts, if none does not, or of its own.
+    about: usize,
+    /// Of the rays before, how many began outside, if the texel was not enclosed.
+    open: Option<f32>,
 }
 
 /// Rays of a row that are shot together.
@@ -181,22 +189,20 @@ impl Lot {
 }
 
 impl Shooter<'_> {
-    /// Decides about the points that may be enclosed, and shoots more rays for those that are. `about`: if all of its
-    /// rays meet backs, how many do thereabouts, if none does not, or of its own; `open`: of the rays before, how many began
-    /// outside, if the texel was not enclosed.
+    /// Decides about the points that may be enclosed, and shoots more rays for those that are.
     fn complete(
         &self,
         lot: &Lot,
         receiver: &Receiver,
         row: &mut Draft,
-        about: usize,
-        open: Option<f32>,
+        Hint { about, open }: Hint,
+        proved: &mut Proved,
         done: &mut Done,
     ) {
         // Few rays may all meet the backs of sheets: then one of their points is looked at.
         let some = if about < FEW { &row.behind[..row.behind.len().min(1)] } else { &[] };
-        let enclosed_all = about > 0 && self.holds(receiver, some, &mut 0).iter().all(|e| *e);
-        self.decide(receiver, row, enclosed_all, &mut done.stats);
+        let enclosed_all = about > 0 && self.holds(receiver, some, &mut 0, proved).iter().all(|e| *e);
+        self.decide(receiver, row, enclosed_all, proved, &mut done.stats);
         let valid = row.columns.len();
         let buried = enclosed_all || open.is_none() && valid == 0;
         done.buried.push(buried);
@@ -226,12 +232,12 @@ impl Shooter<'_> {
                     Err(seen) => row.behind.push(Behind { place: point.place, seen, spot }),
                 }
             }
-            self.decide(receiver, row, false, &mut done.stats);
+            self.decide(receiver, row, false, proved, &mut done.stats);
         }
     }
 
     /// Settles what is left of rays that met backs.
-    fn decide(&self, receiver: &Receiver, row: &mut Draft, enclosed_all: bool, stats: &mut Stats) {
+    fn decide(&self, receiver: &Receiver, row: &mut Draft, enclosed_all: bool, proved: &mut Proved, stats: &mut Stats) {
         let mut behind = std::mem::take(&mut row.behind);
         // They come sorted by direction: the first to be looked at are to stand for all.
         let by_chance = |b: &Behind| hash(b.place.x.to_bits(), b.place.y.to_bits());
@@ -248,7 +254,7 @@ impl Shooter<'_> {
                 break;
             }
             let some = &behind[enclosed.len()..until.min(behind.len())];
-            let found = self.holds(receiver, some, &mut row.enclosed);
+            let found = self.holds(receiver, some, &mut row.enclosed, proved);
             row.open += found.iter().filter(|enclosed| !**enclosed).count();
             enclosed.extend(found);
         }
@@ -262,9 +268,9 @@ impl Shooter<'_> {
     }
 
     /// Which points are enclosed.
-    fn holds(&self, receiver: &Receiver, behind: &[Behind], found: &mut usize) -> Vec<bool> {
+    fn holds(&self, receiver: &Receiver, behind: &[Behind], found: &mut usize, proved: &mut Proved) -> Vec<bool> {
         let points: Vec<SurfacePoint> = behind.iter().map(|b| receiver.surface(b.place)).collect();
-        self.sight.holds(receiver, &points, found)
+        self.sight.holds(receiver, &points, found, proved)
     }
 }
 
@@ -282,7 +288,7 @@ impl Method for Shooter<'_> {
         }
         let keep = self.keep && !back;
         let lot = self.more.as_ref().filter(|_| !before.block.is_empty()).unwrap_or(&self.first);
-        let (receivers, rows) = desk.clear(&self.sight, &lot.table, texels, *back);
+        let (receivers, rows) = desk.clear(&lot.table, texels, *back);
         let nowhere = Ray { origin: Vec3::ZERO, direction: Vec3::Z, key: 0, from: NOWHERE };
         let (mut rays, mut hits) = (vec![nowhere; n * TOGETHER], vec![None; n * TOGETHER]);
         let mut ends = Vec::with_capacity(n * lot.rays());
@@ -324,12 +330,13 @@ impl Method for Shooter<'_> {
             let count = beside.clone().count();
             rays_each * if beside.all(|k| behind[k]) { count } else { 1 }
         };
+        let mut proved = Vec::new();
         let about: Vec<usize> = (0..n).map(|i| if behind[i] { about(i) } else { 0 }).collect();
         for (i, (receiver, row)) in receivers.iter().zip(rows).enumerate() {
             row.columns.extend(ends[i..].iter().step_by(n).filter(|&&column| column != OPEN));
             let open = open(i);
             let of_before = open.then(|| before.validity[i] * lot.part.start as f32);
-            self.complete(lot, receiver, row, about[i], of_before, &mut done);
+            self.complete(lot, receiver, row, Hint { about: about[i], open: of_before }, &mut proved, &mut done);
             if open {
                 row.join(&before.block, i, before.eyes.get(i).filter(|_| keep));
             }

@@ -3,15 +3,14 @@
 use crate::{
     atlas::Coverage,
     math::{Frame, Point, PointTable, hash, unit_float},
-    patches::{Face, Footprint, SurfacePoint},
-    trace::Tracer,
+    patches::{Face, Faces, Footprint, SurfacePoint},
 };
 use glam::{UVec2, Vec2, Vec3};
 
 /// The side of a texel that shoots. Reused: [`Receiver::set`] keeps the allocations.
 pub(super) struct Receiver<'a> {
     coverage: &'a Coverage,
-    pub footprint: Footprint<'a>,
+    pub footprint: Footprint,
     /// One for each of its faces, unless that is shaded smoothly.
     pub facets: Vec<Option<Facet>>,
     pub at: UVec2,
@@ -37,10 +36,10 @@ pub(super) struct Facet {
 
 impl<'a> Receiver<'a> {
     /// At no texel yet.
-    pub fn new(tracer: &'a Tracer<'a>, coverage: &'a Coverage) -> Self {
+    pub fn new(coverage: &'a Coverage) -> Self {
         Receiver {
             coverage,
-            footprint: Footprint::new(&tracer.world, coverage),
+            footprint: Footprint::default(),
             facets: Vec::new(),
             at: UVec2::ZERO,
             back: false,
@@ -51,10 +50,9 @@ impl<'a> Receiver<'a> {
         }
     }
 
-    /// Moves to the front or back of a texel; its points are those of `table`, and `beside` are faces of a texel that may have
-    /// some of them, too.
-    pub fn set(&mut self, texel: u32, back: bool, table: &'a PointTable, beside: &[Face]) {
-        self.footprint.set_beside(texel as usize, beside);
+    /// Moves to the front or back of a texel; its points are those of `table`.
+    pub fn set(&mut self, texel: u32, back: bool, table: &'a PointTable, faces: &mut Faces) {
+        self.footprint.set(texel as usize, faces);
         (self.at, self.back) = (self.coverage.texels[texel as usize].at, back);
         self.key = hash(texel, u32::from(back));
         let share = unit_float(hash(table.square(self.at), TURN));

@@ -214,7 +214,10 @@ impl Rows {
     }
 
     fn locate(&self, i: usize) -> (&Block, usize) {
-        let b = self.firsts.partition_point(|&f| f <= i) - 1;
+        // Most blocks are full.
+        let full = i / BLOCK;
+        let found = self.firsts.get(full..full + 2).is_some_and(|ends| (ends[0]..ends[1]).contains(&i));
+        let b = if found { full } else { self.firsts.partition_point(|&f| f <= i) - 1 };
         (&self.blocks[b], i - self.firsts[b])
     }
 

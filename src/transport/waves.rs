@@ -12,7 +12,7 @@ use crate::{
     error,
     math::PointTable,
     memory,
-    patches::{Face, Patches},
+    patches::{Faces, Patches},
     progress::{Observer, check},
 };
 use rayon::prelude::*;
@@ -45,29 +45,28 @@ pub(super) struct Done {
 }
 
 /// Where a block is measured: its allocations serve one block after the other.
-#[derive(Default)]
 pub(super) struct Desk<'a> {
+    sight: &'a Sight<'a>,
+    faces: Faces<'a>,
     receivers: Vec<Receiver<'a>>,
     rows: Vec<Draft>,
 }
 
 impl<'a> Desk<'a> {
+    /// Nothing has been measured.
+    pub fn new(sight: &'a Sight<'a>) -> Self {
+        let faces = Faces::new(&sight.tracer.world, sight.coverage);
+        Desk { sight, faces, receivers: Vec::new(), rows: Vec::new() }
+    }
+
     /// The receivers at `texels`, and a row for each that has met nothing yet.
-    pub fn clear(
-        &mut self,
-        sight: &'a Sight,
-        table: &'a PointTable,
-        texels: &[u32],
-        back: bool,
-    ) -> (&[Receiver<'a>], &mut [Draft]) {
-        let receiver = || Receiver::new(sight.tracer, sight.coverage);
+    pub fn clear(&mut self, table: &'a PointTable, texels: &[u32], back: bool) -> (&[Receiver<'a>], &mut [Draft]) {
+        let receiver = || Receiver::new(self.sight.coverage);
         self.receivers.resize_with(self.receivers.len().max(texels.len()), receiver);
         self.rows.resize_with(self.receivers.len(), Draft::default);
         let (receivers, rows) = (&mut self.receivers[..texels.len()], &mut self.rows[..texels.len()]);
-        let mut beside: &[Face] = &[];
         for (receiver, &texel) in receivers.iter_mut().zip(texels) {
-            receiver.set(texel, back, table, beside);
-            beside = receiver.footprint.faces();
+            receiver.set(texel, back, table, &mut self.faces);
         }
         rows.iter_mut().for_each(Draft::clear);
         (receivers, rows)
@@ -93,7 +92,7 @@ pub(super) fn measure(
             reopen(&mut task.before.block, sky);
             method.block(desk, &task, observer)
         };
-        let done: Vec<Done> = wave.into_par_iter().map_init(Desk::default, run).collect();
+        let done: Vec<Done> = wave.into_par_iter().map_init(|| Desk::new(method.sight()), run).collect();
         check(observer)?;
         for done in done {
             blocks.push(done.block);

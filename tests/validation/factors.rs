@@ -16,7 +16,7 @@ use crate::{Case, Check, Outcome, Problem, numbers, vectors};
 use glam::{DVec3, DVec4, UVec2, Vec3, uvec2, vec3};
 use luxel::{
     atlas::Coverage,
-    patches::{Footprint, Patches},
+    patches::{Faces, Footprint, Patches},
     progress::Silent,
     scene::World,
     trace::Tracer,
@@ -118,8 +118,7 @@ fn of_emitters(shot: &Shot) -> impl Fn(DVec3, DVec3) -> (f64, f64) + use<> {
 
 /// The middle of a texel, next to which its hemicube stands.
 fn middle(world: &World, coverage: &Coverage, texel: usize) -> DVec3 {
-    let mut footprint = Footprint::new(world, coverage);
-    footprint.set(texel);
+    let footprint = Footprint::of(texel, &mut Faces::new(world, coverage));
     let weighed = |[a, b, c]: [Vec3; 3]| {
         let area = (b - a).cross(c - a).length();
         ((a + b + c) / 3.0 * area).as_dvec3().extend(f64::from(area))

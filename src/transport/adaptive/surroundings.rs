@@ -4,7 +4,7 @@ use super::LEVELS;
 use crate::{
     atlas::Coverage,
     math::{PointTable, hash, unit_float},
-    patches::{Enclosure, Footprint, SMOOTH, SurfacePoint},
+    patches::{Enclosure, Faces, Footprint, SMOOTH, SurfacePoint},
     progress::Observer,
     trace::{Hit, Ray, Tracer},
 };
@@ -61,12 +61,12 @@ pub(super) fn at_all(tracer: &Tracer, coverage: &Coverage, observer: &dyn Observ
 
 fn some(tracer: &Tracer, coverage: &Coverage, table: &PointTable, texels: &[u32]) -> Vec<Surroundings> {
     let enclosure = Enclosure::new(tracer, coverage);
-    let mut footprint = Footprint::new(&tracer.world, coverage);
+    let (mut faces, mut footprint) = (Faces::new(&tracer.world, coverage), Footprint::default());
     let mut surroundings = Vec::with_capacity(texels.len());
     let mut points: Vec<SurfacePoint> = Vec::with_capacity(texels.len() * RAYS);
     let mut rays: Vec<Ray> = Vec::with_capacity(texels.len() * RAYS);
     for &texel in texels {
-        footprint.set(texel as usize);
+        footprint.set(texel as usize, &mut faces);
         let at = coverage.texels[texel as usize].at;
         let turn = turn(texel);
         let middle = footprint.middle();
@@ -92,7 +92,7 @@ fn some(tracer: &Tracer, coverage: &Coverage, table: &PointTable, texels: &[u32]
         let behind = own.filter(|&k| hits[k].is_some_and(|h| enclosure.may_enclose(&h)));
         let behind: Vec<SurfacePoint> = behind.map(|k| points[k]).collect();
         let at = coverage.texels[texels[k] as usize].at;
-        around.odd |= enclosure.holds(&behind, at, Vec2::X, &mut 0).contains(&true);
+        around.odd |= enclosure.holds(&behind, at, Vec2::X, &mut 0, &mut Vec::new()).contains(&true);
     }
     surroundings
 }
