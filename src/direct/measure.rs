@@ -90,7 +90,7 @@ pub(super) fn measure(
     let mut looks = Looks::begin(known, patches);
 
     observer.begin("direct", patches.len() as u64);
-    let probes = (rays / 16).clamp(sources.probes(), 64).min(rays.div_ceil(2));
+    let probes = sources.probes(rays);
     looks.look(&task, &some(&|_| true), probes, observer)?;
     if task.faint == 0.0 {
         let reflected = |i: usize| patches.reflectance[i] * looks.received[i].total();

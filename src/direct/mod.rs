@@ -92,10 +92,11 @@ impl<'s> Sources<'s> {
         !self.lights.is_empty() || self.peaks.is_some()
     }
 
-    /// Shadow rays that look for edges of shadows, at least: few find those of lamps. What is sampled, emitters and the sky, is
+    /// Shadow rays of `rays` that look for edges of shadows: few find those of lamps. What is sampled, emitters and the sky, is
     /// noise until there are more.
-    fn probes(&self) -> u32 {
-        if self.emitters.is_empty() && self.peaks.is_none() { 4 } else { 8 }
+    fn probes(&self, rays: u32) -> u32 {
+        let least = if self.emitters.is_empty() && self.peaks.is_none() { (rays / 4).clamp(2, 4) } else { 8 };
+        (rays / 16).clamp(least, 64).min(rays.div_ceil(2))
     }
 
     /// Patches that reflect much.

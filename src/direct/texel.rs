@@ -11,7 +11,7 @@ use super::{
 };
 use crate::{
     math::{Point, PointTable, hash, luminance, unit_float},
-    patches::{Enclosure, Footprint, SurfacePoint},
+    patches::{Enclosure, Faces, Footprint, SurfacePoint},
     scene::Bake,
 };
 use glam::{UVec2, Vec2, Vec3};
@@ -28,7 +28,8 @@ const BLOCKS: usize = 8;
 
 /// Allocations that serve one texel after the other.
 pub(super) struct Desk<'a> {
-    footprint: Footprint<'a>,
+    faces: Faces<'a>,
+    footprint: Footprint,
     cut: Vec<Stratum>,
     few: Vec<SurfacePoint>,
     volley: Volley,
@@ -36,8 +37,8 @@ pub(super) struct Desk<'a> {
 
 impl<'a> Desk<'a> {
     pub fn new(task: &Task<'a>) -> Self {
-        let footprint = Footprint::new(&task.tracer.world, task.coverage);
-        Desk { footprint, cut: Vec::new(), few: Vec::new(), volley: Volley::default() }
+        let faces = Faces::new(&task.tracer.world, task.coverage);
+        Desk { faces, footprint: Footprint::default(), cut: Vec::new(), few: Vec::new(), volley: Volley::default() }
     }
 }
 
@@ -78,10 +79,10 @@ impl Task<'_> {
         divide: bool,
         desk: &mut Desk,
     ) -> (Received, Option<Box<Divided>>) {
-        let Desk { footprint, cut, few, volley } = desk;
+        let Desk { faces, footprint, cut, few, volley } = desk;
         let (texel, back) = self.patches.texel(patch);
         let at = self.coverage.texels[texel].at;
-        footprint.set(texel);
+        footprint.set(texel, faces);
         let on_surface = |u: Vec2| {
             let p = footprint.point(u);
             if back { p.reversed() } else { p }
@@ -204,7 +205,8 @@ impl Task<'_> {
             // Rows have proved that it is partly enclosed. What one ray may take for backs all around, another may not.
             for turn in [Vec2::X, Vec2::NEG_X] {
                 let some: Vec<SurfacePoint> = left.iter().map(|p| on_surface(p.place)).collect();
-                let mut enclosed = self.enclosure.holds(&some, at, turn, &mut { Enclosure::TRUST }).into_iter();
+                let (mut found, mut proved) = (Enclosure::TRUST, Vec::new());
+                let mut enclosed = self.enclosure.holds(&some, at, turn, &mut found, &mut proved).into_iter();
                 let holds = |_: &&Point| enclosed.next() == Some(true);
                 let (behind, out): (Vec<&Point>, Vec<&Point>) = left.into_iter().partition(holds);
                 open.extend(out);
@@ -332,7 +334,7 @@ impl Task<'_> {
     }
 }
 
-/// Each coordinate's fraction.
+/// A place of the unit square moved by another, around its edges.
 fn wrapped(u: Vec2) -> Vec2 {
-    u - u.floor()
+    u - Vec2::select(u.cmpge(Vec2::ONE), Vec2::ONE, Vec2::ZERO)
 }
