@@ -104,7 +104,7 @@ struct Ground<'s> {
     tracer: Tracer<'s>,
     atlas: Atlas,
     coverage: Coverage,
-    /// Before rays have looked.
+    /// Before rays have looked; taken by the light, unless more effort may follow.
     patches: Patches,
     warnings: Vec<String>,
     clock: Clock,
@@ -153,7 +153,8 @@ impl<'s> Ground<'s> {
         let rows = &options.transport;
         let (kept, mut patches, mut shadows) = match before.filter(|lit| lit.transport.can_refine(rows)) {
             Some(Lit { transport, patches, shadows, .. }) => (Some(transport), patches, shadows),
-            None => (None, self.patches.clone(), Kept::default()),
+            None if *grows => (None, self.patches.clone(), Kept::default()),
+            None => (None, std::mem::take(&mut self.patches), Kept::default()),
         };
         let transport = clock.time("transport", || match kept {
             Some(transport) => transport.refine(tracer, coverage, &mut patches, rows, observer),

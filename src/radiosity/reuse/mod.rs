@@ -185,7 +185,9 @@ impl<'a> Gather<'a> {
             let shared = pool.shared(level);
             let of_members = members.into_iter().zip(shared).zip(pool.own());
             let (sharing, mut samples, sums) = self.samples(of_members);
-            left.retain(|r| *r != leader && !sharing.contains(r));
+            // They are in the order of those that are left.
+            let mut leaving = sharing.iter().copied().peekable();
+            left.retain(|&r| leaving.next_if_eq(&r).is_none() && r != leader);
             if sharing.len() < ENOUGH {
                 continue;
             }
