@@ -14,6 +14,9 @@ use rayon::prelude::*;
 
 /// Edge of the squares, texels. Measured: 2 errs no less, 8 by up to a tenth more.
 const EDGE: u32 = 4;
+/// Edge of a square over the harmonic mean distance to what it sees, above which its texels stay alone: in a slit lower than
+/// that, what they send each other to and fro differs from texel to texel. Corners have up to 1.
+const NEAR: f32 = 1.5;
 
 /// Patches in groups: squares of a page on one smooth surface that nothing parts, patches without rays to share alone.
 #[derive(Clone, Debug)]
@@ -110,7 +113,24 @@ fn divide(neighbours: &Neighbours, page: usize, first: UVec2) -> Vec<Vec<u32>> {
     while !left.is_empty() {
         let members = neighbours.around(left[left.len() / 2], &left, EDGE);
         left.retain(|r| !members.contains(r));
-        groups.push(members);
+        if nearness(neighbours, &members) > NEAR {
+            groups.extend(members.into_iter().map(|r| vec![r]));
+        } else {
+            groups.push(members);
+        }
     }
     groups
+}
+
+/// The edge of a square over the harmonic mean distance to what its rays have met.
+fn nearness(neighbours: &Neighbours, members: &[u32]) -> f32 {
+    let Neighbours { transport, patches, .. } = neighbours;
+    let (mut sum, mut rays, mut area) = (0.0, 0.0, 0.0);
+    for &r in members {
+        let (ends, eye) = (transport.rows.ends(r as usize), &transport.eyes[r as usize]);
+        sum += ends.spots.iter().map(|spot| 1.0 / spot.distance(eye.position).max(f32::MIN_POSITIVE)).sum::<f32>();
+        rays += ends.spots.len() as f32;
+        area += patches.area[transport.receivers[r as usize] as usize];
+    }
+    area.sqrt() * sum / f32::max(rays, 1.0)
 }

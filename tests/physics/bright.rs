@@ -1,6 +1,7 @@
 //! Bright patches, whose light is sampled beside the rows: once, and no more than it takes.
 
 use super::*;
+use glam::Vec3Swizzles;
 use luxel::{
     atlas::{Coverage, Unwrap},
     direct::{Bounce, Direct, Sources, sky_cells},
@@ -195,4 +196,23 @@ fn bright_patches_take_fewer_shadow_rays() {
     let spot = all.direct.shadow_rays - lamp.direct.shadow_rays;
     let most = u64::from(rays / 2) * all.patches.area.len() as u64;
     assert!(spot > 0 && spot < most, "{spot} shadow rays go to the spot, less than {most} should");
+}
+
+/// A lamp hangs half a texel below a ceiling, which shines back on it: what patches as near as that send is no chance.
+#[test]
+fn between_a_lamp_and_the_ceiling_light_is_even() {
+    let mut stage = Stage::new();
+    let (wall, lamp) = (stage.material(0.8, 0.0), stage.rgb(Vec3::splat(0.8), Vec3::ONE, true));
+    for face in FACES {
+        let texels = if face == Face::Top { 64 } else { 8 };
+        unit_room().face(&mut stage, face, wall, UVec2::ONE, UVec2::splat(texels));
+    }
+    rectangle(&mut stage, lamp, [vec3(0.3, 0.991, 0.3), Vec3::X * 0.4, Vec3::Z * 0.4], UVec2::splat(24));
+    let Rooms { patches, direct, .. } = Rooms::new(stage, 64);
+    let inside = |i: &usize| (patches.center[*i].xz() - 0.5).abs().max_element() < 0.1;
+    let backs: Vec<usize> = (patches.fronts..patches.len()).filter(inside).collect();
+    let ceiling = (0..patches.fronts).filter(|&i| inside(&i) && patches.center[i].y > 0.999);
+    let sent = ceiling.map(|i| grey(direct.bounce.exitance[i])).fold(0.0, f64::max);
+    let off = backs.iter().map(|&i| (grey(direct.bounce.irradiance[i]) / sent - 1.0).abs()).fold(0.0, f64::max);
+    assert!(backs.len() > 100 && off < 0.1, "{off} of {sent}, {} backs", backs.len());
 }

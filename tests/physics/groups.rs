@@ -25,6 +25,22 @@ fn groups_of_texels_bounce_as_texels_do() {
     assert!(square.sqrt() < 0.004 * mean, "{} of {mean}", square.sqrt());
 }
 
+/// Two plates half a texel apart send light to and fro until it gets out at their rims, where it falls off within a texel.
+#[test]
+fn in_a_slit_groups_bounce_as_texels_do() {
+    let mut stage = Stage::new();
+    let (lit, other) = (stage.material(0.8, 1.0), stage.material(0.8, 0.0));
+    rectangle(&mut stage, lit, [Vec3::ZERO, Vec3::Z, Vec3::X], UVec2::splat(24));
+    rectangle(&mut stage, other, [vec3(0.0, 0.02, 0.0), Vec3::X, Vec3::Z], UVec2::splat(24));
+    let mut rooms = Rooms::new(stage, 64);
+    assert!(rooms.transport.groups.is_some());
+    let by_groups = rooms.indirect(&rooms.direct, None);
+    rooms.transport.groups = None;
+    let by_texels = rooms.indirect(&rooms.direct, None);
+    let off = by_groups.iter().zip(&by_texels).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max);
+    assert!(off < 0.005, "{off}");
+}
+
 /// Every solver, on a room with a box in it: groups are few enough for the dense one.
 #[test]
 fn all_solvers_agree_on_groups() {
