@@ -128,6 +128,38 @@ fn shadow_rays_join_those_of_before() {
     });
 }
 
+/// The same of rays to a bright spot on the floor, below a table: what is sampled of it stays, the rays join.
+#[test]
+fn rays_to_bright_patches_join_those_of_before() {
+    let mut stage = Stage::new();
+    let grey = stage.material(0.7, 0.0);
+    Cuboid::room(Vec3::ZERO, Vec3::ONE).all(&mut stage, grey, 12);
+    Cuboid::block(vec3(0.2, 0.3, 0.2), vec3(0.5, 0.35, 0.5)).all(&mut stage, grey, 6);
+    let cone = LightKind::Spot { cos_inner: 0.98, cos_outer: 0.97, radius: 0.0 };
+    stage.light(cone, vec3(0.65, 0.9, 0.65), Vec3::NEG_Y, 1.0);
+    on(stage, |ground| {
+        let (tracer, coverage) = (&ground.tracer, &ground.coverage);
+        let (_, patches) = ground.measured(&Options::of(16));
+        let sources = Sources::new(tracer, &patches);
+        let at_once = |rays| Direct::measure(tracer, coverage, &patches, &sources, rays, &Silent).expect("light");
+        let (truth, fresh) = (at_once(1 << 14), at_once(512));
+        let mut kept = Kept::default();
+        let mut refined =
+            |rays| Direct::refine(&mut kept, tracer, coverage, &patches, &sources, rays, &Silent).expect("light");
+        let [first, joined] = [64, 512].map(&mut refined);
+        assert_eq!(first.bounce.exitance, joined.bounce.exitance);
+        let off = |d: &Direct| {
+            let squares = d.bounce.irradiance.iter().zip(&truth.bounce.irradiance).map(|(a, b)| (a.x - b.x).powi(2));
+            libm::sqrt(f64::from(squares.sum::<f32>()))
+        };
+        let errors = [&first, &joined, &fresh].map(off);
+        let shot = [first.shadow_rays, joined.shadow_rays - first.shadow_rays, fresh.shadow_rays];
+        println!("{errors:?} {shot:?}");
+        assert!(errors[1] < 0.6 * errors[0] && errors[1] < 1.25 * errors[2], "{errors:?}");
+        assert!(shot[1] < shot[2], "{shot:?}");
+    });
+}
+
 /// Each row holds the rays that it held, to the bit, and as many more as asked for; those of new backs are whole, too.
 #[test]
 fn what_is_measured_is_kept() {

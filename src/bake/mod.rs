@@ -154,7 +154,10 @@ impl<'s> Ground<'s> {
         let (kept, mut patches, mut shadows) = match before.filter(|lit| lit.transport.can_refine(rows)) {
             Some(Lit { transport, patches, shadows, .. }) => (Some(transport), patches, shadows),
             None if *grows => (None, self.patches.clone(), Kept::default()),
-            None => (None, std::mem::take(&mut self.patches), Kept::default()),
+            None => {
+                debug_assert!(!self.patches.is_empty(), "a bake that does not grow is lit once");
+                (None, std::mem::take(&mut self.patches), Kept::default())
+            }
         };
         let transport = clock.time("transport", || match kept {
             Some(transport) => transport.refine(tracer, coverage, &mut patches, rows, observer),

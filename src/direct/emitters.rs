@@ -17,7 +17,8 @@ use glam::{Vec2, Vec3};
 
 /// [`Emitters::exact`] of surfaces that shine; of patches that reflect, which are small and many, none.
 const EXACT: usize = 16;
-/// An inner node is opened while its radius and the texel's exceed this share of its distance.
+/// An inner node is opened while its radius exceeds this share of its distance; of patches that reflect, which are as small as
+/// the texel, its radius and the texel's.
 const OPEN: f32 = 0.5;
 /// A triangle is near if its radius and the texel's exceed this share of its distance.
 const NEAR: f32 = 0.25;
@@ -154,7 +155,8 @@ impl Emitters {
         }
         let distance = receiver.center.distance(n.disc.center).max(n.disc.radius).max(1e-12);
         let leaf = n.second == 0;
-        if !leaf && (self.are_few() || n.disc.radius + receiver.radius > OPEN * distance) {
+        let texel = if self.exact == 0 { receiver.radius } else { 0.0 };
+        if !leaf && (self.are_few() || n.disc.radius + texel > OPEN * distance) {
             self.descend(node + 1, receiver, cut);
             self.descend(n.second, receiver, cut);
             return;

@@ -92,11 +92,9 @@ impl<'s> Sources<'s> {
         !self.lights.is_empty() || self.peaks.is_some()
     }
 
-    /// Shadow rays of `rays` that look for edges of shadows: few find those of lamps. What is sampled, emitters and the sky, is
-    /// noise until there are more.
+    /// Shadow rays of `rays` that look for edges of shadows.
     fn probes(&self, rays: u32) -> u32 {
-        let least = if self.emitters.is_empty() && self.peaks.is_none() { (rays / 4).clamp(2, 4) } else { 8 };
-        (rays / 16).clamp(least, 64).min(rays.div_ceil(2))
+        probes(rays, self.emitters.is_empty() && self.peaks.is_none())
     }
 
     /// Patches that reflect much.
@@ -178,5 +176,21 @@ impl Direct {
     /// What does not come from punctual lights.
     pub fn surroundings(&self, patch: usize) -> Vec3 {
         self.emitters[patch] + self.sky_peaks[patch]
+    }
+}
+
+/// Few find edges of the shadows of lamps. What is sampled, emitters and the sky, is noise until there are more.
+fn probes(rays: u32, of_lamps: bool) -> u32 {
+    let least = if of_lamps { (rays / 4).clamp(2, 4) } else { 8 };
+    (rays / 16).clamp(least, 64).min(rays.div_ceil(2))
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn probes_are_few_of_the_shadow_rays() {
+        let probes = |of_lamps| [1, 2, 8, 12, 16, 64, 128, 1 << 16].map(|rays| super::probes(rays, of_lamps));
+        assert_eq!(probes(true), [1, 1, 2, 3, 4, 4, 8, 64]);
+        assert_eq!(probes(false), [1, 1, 4, 6, 8, 8, 8, 64]);
     }
 }

@@ -11,7 +11,7 @@ use super::{
 };
 use crate::{
     math::{Point, PointTable, hash, luminance, unit_float},
-    patches::{Enclosure, Faces, Footprint, SurfacePoint},
+    patches::{Faces, Footprint, SurfacePoint},
     scene::Bake,
 };
 use glam::{UVec2, Vec2, Vec3};
@@ -23,8 +23,9 @@ pub(super) const NEAR_POINTS: usize = 64;
 const FLAT: f32 = 0.99;
 /// Part of the noise that asks for more rays that may come from there.
 const NEAR_NOISE: f32 = 0.25;
-/// Blocks of points among which a partly enclosed texel looks for open ones.
+/// Blocks of points among which a partly enclosed texel looks for open ones, and points, at least.
 const BLOCKS: usize = 8;
+const TRIES: usize = 32;
 
 /// Allocations that serve one texel after the other.
 pub(super) struct Desk<'a> {
@@ -157,13 +158,20 @@ impl Task<'_> {
             let wish = points.len() as f32 * part / (near_weight + far_weight);
             (wish.round() as usize).clamp(1, points.len())
         };
-        let mut next = 0;
+        let (mut next, mut singles) = (0, Tally::default());
         for (stratum, exact) in near.iter().zip(exact).filter(|(_, exact)| *exact != Vec3::ZERO) {
             let n = samples(luminance(exact));
             let tally = self.leaf(stratum, points, next..next + n, &on_surface, shift, volley).of(exact);
             next += n;
             r.emitters += tally.arrived;
-            book(tally, &mut r);
+            // One ray does not tell whether all arrive; those to many leaves do together.
+            match tally.rays {
+                1 => singles = singles.and(tally),
+                _ => book(tally, &mut r),
+            }
+        }
+        if singles.rays > 0 {
+            book(singles, &mut r);
         }
         if !far.is_empty() {
             let (tally, noise) =
@@ -200,15 +208,15 @@ impl Task<'_> {
     /// As many points as a block has, or all that few blocks give, that other geometry does not enclose.
     fn open_points(&self, table: &PointTable, at: UVec2, on_surface: &impl Fn(Vec2) -> SurfacePoint) -> Vec<Point> {
         let (mut open, wish) = (Vec::new(), table.block(at.x, at.y, 0).len());
-        for points in (0..BLOCKS.min(table.blocks())).map(|pass| table.block(at.x, at.y, pass)) {
+        let blocks = BLOCKS.max(TRIES / wish).min(table.blocks());
+        for points in (0..blocks).map(|pass| table.block(at.x, at.y, pass)) {
             let mut left: Vec<&Point> = points.iter().collect();
             // Rows have proved that it is partly enclosed. What one ray may take for backs all around, another may not.
             for turn in [Vec2::X, Vec2::NEG_X] {
                 let some: Vec<SurfacePoint> = left.iter().map(|p| on_surface(p.place)).collect();
-                let (mut found, mut proved) = (Enclosure::TRUST, Vec::new());
-                let mut enclosed = self.enclosure.holds(&some, at, turn, &mut found, &mut proved).into_iter();
-                let holds = |_: &&Point| enclosed.next() == Some(true);
-                let (behind, out): (Vec<&Point>, Vec<&Point>) = left.into_iter().partition(holds);
+                let mut enclosed = self.enclosure.meet_backs(&some, at, turn).into_iter();
+                let is_enclosed = |_: &&Point| enclosed.next() == Some(true);
+                let (behind, out): (Vec<&Point>, Vec<&Point>) = left.into_iter().partition(is_enclosed);
                 open.extend(out);
                 left = behind;
             }

@@ -26,13 +26,13 @@ pub struct Enclosure<'a> {
     probes: PointTable,
 }
 
-/// Points of some texels that all probes have proved enclosed.
+/// Points of some texels that all probes have proved enclosed, by themselves or together with others of their texel.
 pub type Proved = Vec<(UVec2, SurfacePoint)>;
 
 impl<'a> Enclosure<'a> {
-    /// Points of a texel that must be found enclosed, by all probes from one of them or from some together, before one beside
-    /// its ray is trusted for the others.
-    pub const TRUST: usize = 2;
+    /// Points of a texel that must be found enclosed, each or together, before one probe beside its ray is trusted for the
+    /// others.
+    const TRUST: usize = 2;
 
     /// Prepares the probes.
     pub fn new(tracer: &'a Tracer<'a>, coverage: &'a Coverage) -> Self {
@@ -58,13 +58,8 @@ impl<'a> Enclosure<'a> {
         if points.is_empty() {
             return Vec::new();
         }
-        // One probe each settles most points that are open.
-        let probes = self.probes.block(at.x, at.y, 0).iter().cycle();
-        let mut enclosed: Vec<bool> = self
-            .look(points.iter().zip(probes), turn)
-            .into_iter()
-            .map(|seen| matches!(seen, Seen::Back | Seen::Sheet))
-            .collect();
+        // That settles most points that are open.
+        let mut enclosed = self.meet_backs(points, at, turn);
         let inside: Vec<&SurfacePoint> = points.iter().zip(&enclosed).filter(|(_, e)| **e).map(|(p, _)| p).collect();
         // They lie in one texel: what encloses most of them encloses all, but for what a few fronts are worth.
         if *found < Self::TRUST
@@ -83,7 +78,15 @@ impl<'a> Enclosure<'a> {
         enclosed
     }
 
-    /// True if no probe gets out, from one of the points after the other, and few meet fronts.
+    /// Whether one probe each, from some points of the texel `at`, ends on a back.
+    pub fn meet_backs(&self, points: &[SurfacePoint], at: UVec2, turn: Vec2) -> Vec<bool> {
+        let probes = self.probes.block(at.x, at.y, 0).iter().cycle();
+        let seen = self.look(points.iter().zip(probes), turn);
+        seen.into_iter().map(|seen| matches!(seen, Seen::Back | Seen::Sheet)).collect()
+    }
+
+    /// True if no probe gets out, from one of the points after the other, and few meet fronts; the first few suffice where all
+    /// points see one that is proved.
     fn surround(&self, points: &[&SurfacePoint], probes: &[Point], at: UVec2, turn: Vec2, proved: &mut Proved) -> bool {
         let (mut fronts, mut sheets) = (0, 0);
         let probes: Vec<(&SurfacePoint, &Point)> = points.iter().copied().cycle().zip(probes).collect();
@@ -97,7 +100,7 @@ impl<'a> Enclosure<'a> {
             }
             // Lit sheets all around may be the walls of a room.
             let dark = sheets == 0 && fronts <= FRONTS * TOGETHER / PROBES;
-            if k == 0 && dark && self.sees_one(points[0], at, proved) {
+            if k == 0 && dark && points.iter().all(|p| self.sees_one(p, at, proved)) {
                 return true;
             }
         }

@@ -7,18 +7,19 @@
 use super::{
     Transport,
     neighbours::Neighbours,
-    rows::{BLOCK, Block, Rows},
+    rows::{BLOCK, Block, DARK, Rows},
 };
 use glam::UVec2;
 use rayon::prelude::*;
 
 /// Edge of the squares, texels. Measured: 2 errs no less, 8 by up to a tenth more.
 const EDGE: u32 = 4;
-/// Edge of a square over the harmonic mean distance to what it sees, above which its texels stay alone: in a slit lower than
-/// that, what they send each other to and fro differs from texel to texel. Corners have up to 1.
+/// Edge of a square over the harmonic mean distance to the surfaces that it sees, above which its texels stay alone: in a slit
+/// of less than two texels what these send each other to and fro differs from one to the next. Corners have up to 1.
 const NEAR: f32 = 1.5;
 
-/// Patches in groups: squares of a page on one smooth surface that nothing parts, patches without rays to share alone.
+/// Patches in groups: squares of a page on one smooth surface that nothing parts; alone are patches without rays to share, and
+/// those in slits.
 #[derive(Clone, Debug)]
 pub struct Groups {
     /// Where each group's patches begin, and their number.
@@ -122,13 +123,14 @@ fn divide(neighbours: &Neighbours, page: usize, first: UVec2) -> Vec<Vec<u32>> {
     groups
 }
 
-/// The edge of a square over the harmonic mean distance to what its rays have met.
+/// The edge of a square over the harmonic mean distance to what its rays have met, and what may send light back.
 fn nearness(neighbours: &Neighbours, members: &[u32]) -> f32 {
     let Neighbours { transport, patches, .. } = neighbours;
     let (mut sum, mut rays, mut area) = (0.0, 0.0, 0.0);
     for &r in members {
         let (ends, eye) = (transport.rows.ends(r as usize), &transport.eyes[r as usize]);
-        sum += ends.spots.iter().map(|spot| 1.0 / spot.distance(eye.position).max(f32::MIN_POSITIVE)).sum::<f32>();
+        let lit = ends.spots.iter().zip(ends.columns).filter(|(_, column)| **column != DARK);
+        sum += lit.map(|(spot, _)| 1.0 / spot.distance(eye.position).max(f32::MIN_POSITIVE)).sum::<f32>();
         rays += ends.spots.len() as f32;
         area += patches.area[transport.receivers[r as usize] as usize];
     }

@@ -39,9 +39,8 @@ impl Neighbours<'_> {
         let some = receivers.iter().copied().filter(|&r| self.continues(leader, r, texels));
         let above = |r: u32| self.transport.eyes[r as usize].above(self.size(r));
         let origin = above(leader);
-        let mut ways = (Vec::with_capacity(receivers.len()), Vec::with_capacity(receivers.len()));
-        ways.extend(some.map(|r| (r, [origin, above(r)])));
-        let (some, ways) = ways;
+        let some: Vec<u32> = some.collect();
+        let ways: Vec<_> = some.iter().map(|&r| [origin, above(r)]).collect();
         let joined = some.into_iter().zip(self.tracer.are_open(&ways)).filter(|&(r, open)| r == leader || open);
         joined.map(|(r, _)| r).collect()
     }

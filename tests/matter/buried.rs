@@ -183,7 +183,6 @@ fn between_sheets_few_rays_enclose_nothing() {
         stage.scene.sky = white(1.0);
         let shot = shoot(stage, rays);
         let buried = shot.placed(floor).iter().filter(|(i, _)| shot.baked.patches.buried[*i]).count();
-
         assert!(buried <= 5, "{rays} rays, double-sided {double_sided}: {buried} of 256 texels");
     }
 }
@@ -211,8 +210,9 @@ fn only_who_sees_an_enclosed_point_is_enclosed_with_it() {
     for texel in shot.texels(floor) {
         let (at, p) = (coverage.texels[texel].at, middle(texel));
         let holds = |proved: &mut Proved| enclosure.holds(&[p], at, Vec2::X, &mut 0, proved)[0];
-        // As if it were beside it.
-        let mut proved = vec![(at, proof)];
+        // As if it were beside it, and further away.
+        let (mut proved, mut afar) = (vec![(at + 2, proof)], vec![(at + 3, proof)]);
+        assert!(holds(&mut afar) == (afar.len() > 1), "{} takes what is far away for a proof", p.position);
         let both = [holds(&mut Vec::new()), holds(&mut proved)];
         let (is_below, of_itself) = (p.position.x < -0.125, proved.len() > 1);
         assert_eq!(both[0], both[1], "{}", p.position);
