@@ -142,21 +142,20 @@ fn rays_to_bright_patches_join_those_of_before() {
         let (_, patches) = ground.measured(&Options::of(16));
         let sources = Sources::new(tracer, &patches);
         let at_once = |rays| Direct::measure(tracer, coverage, &patches, &sources, rays, &Silent).expect("light");
-        let (truth, fresh) = (at_once(1 << 14), at_once(512));
+        let (truth, fresh) = (at_once(1 << 14), at_once(256));
         let mut kept = Kept::default();
         let mut refined =
             |rays| Direct::refine(&mut kept, tracer, coverage, &patches, &sources, rays, &Silent).expect("light");
-        let [first, joined] = [64, 512].map(&mut refined);
+        let [first, joined] = [64, 256].map(&mut refined);
         assert_eq!(first.bounce.exitance, joined.bounce.exitance);
         let off = |d: &Direct| {
             let squares = d.bounce.irradiance.iter().zip(&truth.bounce.irradiance).map(|(a, b)| (a.x - b.x).powi(2));
             libm::sqrt(f64::from(squares.sum::<f32>()))
         };
         let errors = [&first, &joined, &fresh].map(off);
-        let shot = [first.shadow_rays, joined.shadow_rays - first.shadow_rays, fresh.shadow_rays];
-        println!("{errors:?} {shot:?}");
-        assert!(errors[1] < 0.6 * errors[0] && errors[1] < 1.25 * errors[2], "{errors:?}");
-        assert!(shot[1] < shot[2], "{shot:?}");
+        // Edges keep theirs and are given nearly as many as all: they have more than at once.
+        assert!(errors[1] < 0.6 * errors[0] && errors[1] < 0.95 * errors[2], "{errors:?}");
+        assert!(joined.shadow_rays - first.shadow_rays < fresh.shadow_rays, "as many rays as if none were there");
     });
 }
 
