@@ -1,6 +1,6 @@
 //! Whether a point lies inside other geometry: under a box, behind a wall's surface.
 
-use super::{SMOOTH, SurfacePoint};
+use super::SurfacePoint;
 use crate::{
     atlas::Coverage,
     math::{Frame, Point, PointTable},
@@ -13,10 +13,8 @@ const PROBES: usize = 32;
 /// Those that may meet fronts, if all backs are dark: a pillar is often open where it meets the ceiling, a slab where it
 /// leans on a wall.
 const FRONTS: usize = 4;
-/// Those that are traced at once, and that suffice if the point also sees another that all of them have proved enclosed.
+/// Those that are traced at once.
 const TOGETHER: usize = 8;
-/// Texels from there, at most.
-const BESIDE: u32 = 2;
 
 /// Looks around points. A point is enclosed if what it sees are backs, single-sided or not, that do not shine, but for a
 /// few fronts.
@@ -26,12 +24,9 @@ pub struct Enclosure<'a> {
     probes: PointTable,
 }
 
-/// Points of some texels that all probes have proved enclosed, by themselves or together with others of their texel.
-pub type Proved = Vec<(UVec2, SurfacePoint)>;
-
 impl<'a> Enclosure<'a> {
-    /// Points of a texel that must be found enclosed, each or together, before one probe beside its ray is trusted for the
-    /// others.
+    /// Points of a texel that must be found enclosed, by all probes from one of them or from some together, before one beside
+    /// its ray is trusted for the others.
     const TRUST: usize = 2;
 
     /// Prepares the probes.
@@ -46,15 +41,8 @@ impl<'a> Enclosure<'a> {
     }
 
     /// Which of some points of the texel `at` are enclosed: the probes from there end on backs. `turn` turns them about
-    /// the normal; `found` counts the points of this texel that were found enclosed, `proved` are those of it and of others.
-    pub fn holds(
-        &self,
-        points: &[SurfacePoint],
-        at: UVec2,
-        turn: Vec2,
-        found: &mut usize,
-        proved: &mut Proved,
-    ) -> Vec<bool> {
+    /// the normal; `found` counts the points of this texel that were found enclosed.
+    pub fn holds(&self, points: &[SurfacePoint], at: UVec2, turn: Vec2, found: &mut usize) -> Vec<bool> {
         if points.is_empty() {
             return Vec::new();
         }
@@ -64,14 +52,14 @@ impl<'a> Enclosure<'a> {
         // They lie in one texel: what encloses most of them encloses all, but for what a few fronts are worth.
         if *found < Self::TRUST
             && inside.len() > 1
-            && self.surround(&inside, self.probes.block(at.x, at.y, 1 + *found), at, turn, proved)
+            && self.surround(&inside, self.probes.block(at.x, at.y, 1 + *found), turn)
         {
             *found += inside.len();
             return enclosed;
         }
         for (p, enclosed) in points.iter().zip(&mut enclosed).filter(|(_, enclosed)| **enclosed) {
             if *found < Self::TRUST {
-                *enclosed = self.surround(&[p], self.probes.block(at.x, at.y, 1 + *found), at, turn, proved);
+                *enclosed = self.surround(&[p], self.probes.block(at.x, at.y, 1 + *found), turn);
             }
             *found += usize::from(*enclosed);
         }
@@ -85,36 +73,17 @@ impl<'a> Enclosure<'a> {
         seen.into_iter().map(|seen| matches!(seen, Seen::Back | Seen::Sheet)).collect()
     }
 
-    /// True if no probe gets out, from one of the points after the other, and few meet fronts; the first few suffice where all
-    /// points see one that is proved.
-    fn surround(&self, points: &[&SurfacePoint], probes: &[Point], at: UVec2, turn: Vec2, proved: &mut Proved) -> bool {
+    /// True if no probe gets out, from one of the points after the other, and few meet fronts.
+    fn surround(&self, points: &[&SurfacePoint], probes: &[Point], turn: Vec2) -> bool {
         let (mut fronts, mut sheets) = (0, 0);
         let probes: Vec<(&SurfacePoint, &Point)> = points.iter().copied().cycle().zip(probes).collect();
-        for (k, few) in probes.chunks(TOGETHER).enumerate() {
+        probes.chunks(TOGETHER).all(|few| {
             let seen = self.look(few.iter().copied(), turn);
             let count = |what| seen.iter().filter(|s| **s == what).count();
             fronts += count(Seen::Front);
             sheets += count(Seen::Sheet);
-            if count(Seen::Out) > 0 || fronts > if sheets > 0 { 0 } else { FRONTS } {
-                return false;
-            }
-            // Lit sheets all around may be the walls of a room.
-            let dark = sheets == 0 && fronts <= FRONTS * TOGETHER / PROBES;
-            if k == 0 && dark && points.iter().all(|p| self.sees_one(p, at, proved)) {
-                return true;
-            }
-        }
-        proved.push((at, *points[0]));
-        true
-    }
-
-    /// True if nothing stands between a point and one near it that was proved enclosed, on the same side of a surface.
-    fn sees_one(&self, point: &SurfacePoint, at: UVec2, proved: &Proved) -> bool {
-        let near = |&(other, p): &(UVec2, SurfacePoint)| {
-            at.as_ivec2().chebyshev_distance(other.as_ivec2()) <= BESIDE && point.face.dot(p.face) > SMOOTH
-        };
-        let beside = proved.iter().rev().find(|p| near(p));
-        beside.is_some_and(|(_, p)| self.tracer.are_open(&[[point.lifted(), p.lifted()]])[0])
+            count(Seen::Out) == 0 && fronts <= if sheets > 0 { 0 } else { FRONTS }
+        })
     }
 
     /// What probes end on.

@@ -133,7 +133,7 @@ impl Hemicube<'_> {
         let mut view = self.view(receiver, &points[0], &mut done.stats);
         let (mut validity, mut buried) = (1.0, false);
         if !view.behind.is_empty() {
-            let enclosed = self.sight.holds(receiver, &points, &mut 0, &mut Vec::new());
+            let enclosed = self.sight.holds(receiver, &points, &mut 0);
             let open = enclosed.iter().filter(|enclosed| !**enclosed).count();
             match enclosed.iter().position(|enclosed| !enclosed) {
                 Some(0) => {}

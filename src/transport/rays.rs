@@ -18,7 +18,7 @@ use crate::{
     atlas::Coverage,
     error::Result,
     math::{Point, PointTable, hash},
-    patches::{Patches, Proved, SurfacePoint},
+    patches::{Patches, SurfacePoint},
     progress::{Observer, check},
     trace::{NOWHERE, Ray, Tracer},
 };
@@ -119,14 +119,6 @@ struct Shooter<'a> {
     more: Option<Lot>,
 }
 
-/// What is known of a texel before its points are looked at.
-struct Hint {
-    /// If all of its rays meet backs, how many do thereabouts, if none does not, or of its own.
-    about: usize,
-    /// Of the rays before, how many began outside, if the texel was not enclosed.
-    open: Option<f32>,
-}
-
 /// Rays of a row that are shot together.
 struct Lot {
     /// Which of the row's.
@@ -189,20 +181,22 @@ impl Lot {
 }
 
 impl Shooter<'_> {
-    /// Decides about the points that may be enclosed, and shoots more rays for those that are.
+    /// Decides about the points that may be enclosed, and shoots more rays for those that are. `about`: if all of its
+    /// rays meet backs, how many do thereabouts, if none does not, or of its own; `open`: of the rays before, how many began
+    /// outside, if the texel was not enclosed.
     fn complete(
         &self,
         lot: &Lot,
         receiver: &Receiver,
         row: &mut Draft,
-        Hint { about, open }: Hint,
-        proved: &mut Proved,
+        about: usize,
+        open: Option<f32>,
         done: &mut Done,
     ) {
         // Few rays may all meet the backs of sheets: then one of their points is looked at.
         let some = if about < FEW { &row.behind[..row.behind.len().min(1)] } else { &[] };
-        let enclosed_all = about > 0 && self.holds(receiver, some, &mut 0, proved).iter().all(|e| *e);
-        self.decide(receiver, row, enclosed_all, proved, &mut done.stats);
+        let enclosed_all = about > 0 && self.holds(receiver, some, &mut 0).iter().all(|e| *e);
+        self.decide(receiver, row, enclosed_all, &mut done.stats);
         let valid = row.columns.len();
         let buried = enclosed_all || open.is_none() && valid == 0;
         done.buried.push(buried);
@@ -232,12 +226,12 @@ impl Shooter<'_> {
                     Err(seen) => row.behind.push(Behind { place: point.place, seen, spot }),
                 }
             }
-            self.decide(receiver, row, false, proved, &mut done.stats);
+            self.decide(receiver, row, false, &mut done.stats);
         }
     }
 
     /// Settles what is left of rays that met backs.
-    fn decide(&self, receiver: &Receiver, row: &mut Draft, enclosed_all: bool, proved: &mut Proved, stats: &mut Stats) {
+    fn decide(&self, receiver: &Receiver, row: &mut Draft, enclosed_all: bool, stats: &mut Stats) {
         let mut behind = std::mem::take(&mut row.behind);
         // They come sorted by direction: the first to be looked at are to stand for all.
         let by_chance = |b: &Behind| hash(b.place.x.to_bits(), b.place.y.to_bits());
@@ -254,7 +248,7 @@ impl Shooter<'_> {
                 break;
             }
             let some = &behind[enclosed.len()..until.min(behind.len())];
-            let found = self.holds(receiver, some, &mut row.enclosed, proved);
+            let found = self.holds(receiver, some, &mut row.enclosed);
             row.open += found.iter().filter(|enclosed| !**enclosed).count();
             enclosed.extend(found);
         }
@@ -268,9 +262,9 @@ impl Shooter<'_> {
     }
 
     /// Which points are enclosed.
-    fn holds(&self, receiver: &Receiver, behind: &[Behind], found: &mut usize, proved: &mut Proved) -> Vec<bool> {
+    fn holds(&self, receiver: &Receiver, behind: &[Behind], found: &mut usize) -> Vec<bool> {
         let points: Vec<SurfacePoint> = behind.iter().map(|b| receiver.surface(b.place)).collect();
-        self.sight.holds(receiver, &points, found, proved)
+        self.sight.holds(receiver, &points, found)
     }
 }
 
@@ -330,13 +324,12 @@ impl Method for Shooter<'_> {
             let count = beside.clone().count();
             rays_each * if beside.all(|k| behind[k]) { count } else { 1 }
         };
-        let mut proved = Vec::new();
         let about: Vec<usize> = (0..n).map(|i| if behind[i] { about(i) } else { 0 }).collect();
         for (i, (receiver, row)) in receivers.iter().zip(rows).enumerate() {
             row.columns.extend(ends[i..].iter().step_by(n).filter(|&&column| column != OPEN));
             let open = open(i);
             let of_before = open.then(|| before.validity[i] * lot.part.start as f32);
-            self.complete(lot, receiver, row, Hint { about: about[i], open: of_before }, &mut proved, &mut done);
+            self.complete(lot, receiver, row, about[i], of_before, &mut done);
             if open {
                 row.join(&before.block, i, before.eyes.get(i).filter(|_| keep));
             }

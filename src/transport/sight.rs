@@ -8,7 +8,7 @@ use super::{
 use crate::{
     atlas::Coverage,
     math::{CELLS, cell_of},
-    patches::{Enclosure, Proved, Seen, SurfacePoint, seen},
+    patches::{Enclosure, Seen, SurfacePoint, seen},
     trace::{Hit, Ray, Tracer},
 };
 use glam::Vec3;
@@ -82,15 +82,9 @@ impl<'a> Sight<'a> {
         }
     }
 
-    /// Which points of a receiver are enclosed; `found` counts them, `proved` are those of receivers beside it, too.
-    pub fn holds(
-        &self,
-        receiver: &Receiver,
-        points: &[SurfacePoint],
-        found: &mut usize,
-        proved: &mut Proved,
-    ) -> Vec<bool> {
-        self.enclosure.holds(points, receiver.at, receiver.turn, found, proved)
+    /// Which points of a receiver are enclosed; `found` counts them.
+    pub fn holds(&self, receiver: &Receiver, points: &[SurfacePoint], found: &mut usize) -> Vec<bool> {
+        self.enclosure.holds(points, receiver.at, receiver.turn, found)
     }
 
     /// Texels whose backs were met and are not in `known`, ascending.

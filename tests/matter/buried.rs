@@ -10,12 +10,8 @@ use crate::{
     },
     greys, plane, white,
 };
-use glam::{DVec3, UVec2, Vec2, Vec3, vec3};
-use luxel::{
-    patches::{Enclosure, Faces, Footprint, Proved},
-    scene::{LightKind, World},
-    trace::Tracer,
-};
+use glam::{DVec3, UVec2, Vec3, vec3};
+use luxel::scene::LightKind;
 
 #[test]
 fn a_box_that_stands_in_the_floor_buries_what_it_covers_and_no_more() {
@@ -185,41 +181,4 @@ fn between_sheets_few_rays_enclose_nothing() {
         let buried = shot.placed(floor).iter().filter(|(i, _)| shot.baked.patches.buried[*i]).count();
         assert!(buried <= 5, "{rays} rays, double-sided {double_sided}: {buried} of 256 texels");
     }
-}
-
-/// Under a box that is closed above and one that is not, side by side: who sees a point that is enclosed needs fewer probes, who
-/// is parted from it by a wall needs all.
-#[test]
-fn only_who_sees_an_enclosed_point_is_enclosed_with_it() {
-    let mut stage = Stage::new();
-    let floor = plane(&mut stage, Vec3::ZERO, 2.0, 16);
-    let black = stage.material(0.0, 0.0);
-    Cuboid::block(vec3(-1.0, -0.01, -1.0), vec3(-0.125, 1.3, 1.0)).all(&mut stage, black, 4);
-    let open = Cuboid::block(vec3(0.125, -0.01, -1.0), vec3(1.0, 1.3, 1.0));
-    for face in [Face::Left, Face::Right, Face::Back, Face::Front] {
-        open.face(&mut stage, face, black, UVec2::ONE, UVec2::splat(4));
-    }
-    stage.scene.sky = white(1.0);
-    let shot = shoot(stage, 64);
-    let (tracer, coverage) = (Tracer::new(World::new(&shot.scene)), &shot.baked.coverage);
-    let (enclosure, mut faces) = (Enclosure::new(&tracer, coverage), Faces::new(&tracer.world, coverage));
-    let mut middle = |texel: usize| Footprint::of(texel, &mut faces).middle();
-    let below = shot.texels(floor).into_iter().find(|&t| shot.baked.patches.buried[t]).expect("one below the box");
-    let proof = middle(below);
-    let (mut found, mut all) = ([0; 2], [0; 2]);
-    for texel in shot.texels(floor) {
-        let (at, p) = (coverage.texels[texel].at, middle(texel));
-        let holds = |proved: &mut Proved| enclosure.holds(&[p], at, Vec2::X, &mut 0, proved)[0];
-        // As if it were beside it, and further away.
-        let (mut proved, mut afar) = (vec![(at + 2, proof)], vec![(at + 3, proof)]);
-        assert!(holds(&mut afar) == (afar.len() > 1), "{} takes what is far away for a proof", p.position);
-        let both = [holds(&mut Vec::new()), holds(&mut proved)];
-        let (is_below, of_itself) = (p.position.x < -0.125, proved.len() > 1);
-        assert_eq!(both[0], both[1], "{}", p.position);
-        assert!(!is_below || both[1] && !of_itself, "{} sees it", p.position);
-        assert!(is_below || both[1] == of_itself, "{} does not", p.position);
-        found[usize::from(is_below)] += usize::from(both[1]);
-        all[usize::from(is_below)] += 1;
-    }
-    assert!(all == [144, 112] && found[1] == 112 && found[0] < 20, "{found:?} of {all:?}");
 }

@@ -92,7 +92,7 @@ fn some(tracer: &Tracer, coverage: &Coverage, table: &PointTable, texels: &[u32]
         let behind = own.filter(|&k| hits[k].is_some_and(|h| enclosure.may_enclose(&h)));
         let behind: Vec<SurfacePoint> = behind.map(|k| points[k]).collect();
         let at = coverage.texels[texels[k] as usize].at;
-        around.odd |= enclosure.holds(&behind, at, Vec2::X, &mut 0, &mut Vec::new()).contains(&true);
+        around.odd |= enclosure.holds(&behind, at, Vec2::X, &mut 0).contains(&true);
     }
     surroundings
 }
