@@ -208,7 +208,7 @@ impl Task<'_> {
     /// As many points as a block has, or all that few blocks give, that other geometry does not enclose.
     fn open_points(&self, table: &PointTable, at: UVec2, on_surface: &impl Fn(Vec2) -> SurfacePoint) -> Vec<Point> {
         let (mut open, wish) = (Vec::new(), table.block(at.x, at.y, 0).len());
-        let blocks = BLOCKS.max(TRIES / wish).min(table.blocks());
+        let blocks = BLOCKS.max(TRIES / wish.max(1)).min(table.blocks());
         for points in (0..blocks).map(|pass| table.block(at.x, at.y, pass)) {
             let mut left: Vec<&Point> = points.iter().collect();
             // Rows have proved that it is partly enclosed. What one ray may take for backs all around, another may not.
