@@ -3,7 +3,7 @@
 use super::{
     Direct, Sources,
     bright::mean_radiosity,
-    parts::{Divided, Parts},
+    parts::Parts,
     received::Received,
     smooth::smooth,
     texel::{Desk, NEAR_POINTS},
@@ -18,6 +18,7 @@ use crate::{
 };
 use glam::IVec2;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
 /// Texels that one task takes.
 const CHUNK: usize = 256;
@@ -94,7 +95,8 @@ pub(super) fn measure(
     looks.look(&task, &some(&|_| true), probes, observer)?;
     if task.faint == 0.0 {
         let reflected = |i: usize| patches.reflectance[i] * looks.received[i].total();
-        task.faint = FAINT * mean_radiosity(patches, &(0..patches.len()).map(reflected).collect::<Vec<_>>());
+        task.faint =
+            FAINT * mean_radiosity(patches, &(0..patches.len()).into_par_iter().map(reflected).collect::<Vec<_>>());
     }
     let mixed = some(&|i| task.is_mixed(&looks.received, i));
     observer.begin("direct: shadows", mixed.len() as u64);
@@ -134,8 +136,9 @@ impl<'k> Looks<'k> {
             known.parts.forget(i);
         }
         known.validity.clone_from(&patches.validity);
-        let received = if known.times > 0 { known.received.clone() } else { vec![Received::default(); patches.len()] };
-        Looks { known, last: vec![Received::default(); patches.len()], received }
+        let nothing = || rayon::iter::repeat_n(Received::default(), patches.len()).collect();
+        let received = if known.times > 0 { known.received.clone() } else { nothing() };
+        Looks { known, last: nothing(), received }
     }
 
     /// What was known of a patch before.
@@ -147,11 +150,9 @@ impl<'k> Looks<'k> {
     fn look(&mut self, task: &Task, which: &[u32], points: u32, observer: &dyn Observer) -> Result<()> {
         // Of texels that are partly enclosed as many points as are open are known: rounded up, they come in few lots.
         let lacks = |i: u32| points.saturating_sub(self.before(i).points).next_multiple_of(points.div_ceil(LOTS));
-        let mut lots: Vec<u32> = which.iter().map(|&i| lacks(i)).collect();
-        lots.sort_unstable();
-        lots.dedup();
-        let lot = |n: u32| (n, which.iter().filter(|&&i| lacks(i) == n).map(|&i| (i, 1)).collect::<Vec<_>>());
-        let lots: Vec<_> = lots.into_iter().filter(|n| *n > 0).map(lot).collect();
+        let mut lots: BTreeMap<u32, Vec<(u32, u32)>> = BTreeMap::new();
+        which.iter().for_each(|&i| lots.entry(lacks(i)).or_default().push((i, 1)));
+        lots.remove(&0);
         lots.into_iter().try_for_each(|(lacks, which)| self.add(task, &which, lacks, false, observer))
     }
 
@@ -167,12 +168,12 @@ impl<'k> Looks<'k> {
         let lacks = |i: u32| u32::from(wishes[i as usize]).saturating_sub(self.before(i).points / block);
         let (which, enough): (Vec<_>, Vec<_>) = edges.iter().map(|&i| (i, lacks(i))).partition(|(_, n)| *n > 0);
         for (i, _) in enough {
-            self.join(i);
+            self.received[i as usize] = joined(&self.known.received, i, &self.last[i as usize]);
         }
         self.add(task, &which, block, task.sources.are_punctual(), observer)
     }
 
-    /// Looks at some patches from so many blocks of points each; at their parts, too, if it is to `divide` them.
+    /// Looks at some patches, in their order, from so many blocks of points each; at their parts, too, if it is to `divide` them.
     fn add(
         &mut self,
         task: &Task,
@@ -182,25 +183,40 @@ impl<'k> Looks<'k> {
         observer: &dyn Observer,
     ) -> Result<()> {
         let table = PointTable::of_places(block as usize, SEED.wrapping_add(self.known.times));
-        for (&(i, _), (one, parts)) in which.iter().zip(task.measure(which, &table, divide, observer)?) {
-            let last = &mut self.last[i as usize];
-            self.known.shadow_rays += u64::from(one.rays);
-            // Blocks of neighbours are nets together: a closer look takes the place of another.
-            *last = one.after(last);
-            self.join(i);
-            match parts {
-                Some(parts) => self.known.parts.add(self.received.len(), i, *parts),
-                None if divide => self.known.parts.agree(i, one.points),
-                None => {}
+        let known = &self.known.received;
+        let chunks: Vec<&[(u32, u32)]> = which.chunks(CHUNK).collect();
+        let spans = spans(&chunks, &mut self.last).into_iter().zip(spans(&chunks, &mut self.received));
+        let look = |(chunk, ((first, last), (_, received))): (&[(u32, u32)], (Span, Span))| {
+            if observer.cancelled() {
+                return (0, Vec::new());
+            }
+            let (mut desk, mut rays, mut parts) = (Desk::new(task), 0, Vec::new());
+            for &(i, blocks) in chunk {
+                let (one, divided) = task.texel(i as usize, &table, blocks as usize, divide, &mut desk);
+                let last = &mut last[i as usize - first];
+                // Blocks of neighbours are nets together: a closer look takes the place of another.
+                *last = one.after(last);
+                received[i as usize - first] = joined(known, i, last);
+                rays += u64::from(one.rays);
+                if divide {
+                    parts.push((i, one.points, divided));
+                }
+            }
+            observer.advance(chunk.len() as u64);
+            (rays, parts)
+        };
+        let looks: Vec<_> = chunks.into_par_iter().zip(spans.collect::<Vec<_>>()).map(look).collect();
+        check(observer)?;
+        for (rays, parts) in looks {
+            self.known.shadow_rays += rays;
+            for (i, points, divided) in parts {
+                match divided {
+                    Some(divided) => self.known.parts.add(self.received.len(), i, *divided),
+                    None => self.known.parts.agree(i, points),
+                }
             }
         }
         Ok(())
-    }
-
-    fn join(&mut self, patch: u32) {
-        let last = self.last[patch as usize];
-        self.received[patch as usize] =
-            self.known.received.get(patch as usize).map_or(last, |before| before.and(&last));
     }
 
     /// The light that was found. All looks are known from now on.
@@ -212,15 +228,35 @@ impl<'k> Looks<'k> {
             false => known.received.iter_mut().zip(&last).for_each(|(known, last)| *known = known.and(last)),
         }
         Direct {
-            lights: received.iter().map(|r| r.lights).collect(),
-            hidden_lights: received.iter().map(|r| r.hidden).collect(),
-            emitters: received.iter().map(|r| r.emitters).collect(),
-            sky_peaks: received.iter().map(|r| r.sky_peaks).collect(),
+            lights: received.par_iter().map(|r| r.lights).collect(),
+            hidden_lights: received.par_iter().map(|r| r.hidden).collect(),
+            emitters: received.par_iter().map(|r| r.emitters).collect(),
+            sky_peaks: received.par_iter().map(|r| r.sky_peaks).collect(),
             parts: known.parts.clone(),
             shadow_rays: known.shadow_rays,
             ..Direct::default()
         }
     }
+}
+
+/// What was known of a patch with what the last look has told.
+fn joined(known: &[Received], patch: u32, last: &Received) -> Received {
+    known.get(patch as usize).map_or(*last, |before| before.and(last))
+}
+
+/// A part of the patches, from the first.
+type Span<'r> = (usize, &'r mut [Received]);
+
+/// Cuts what is told of all patches so that each chunk, of patches in their order, has a span of its own.
+fn spans<'r>(chunks: &[&[(u32, u32)]], mut rest: &'r mut [Received]) -> Vec<Span<'r>> {
+    let mut first = 0;
+    let span = |chunk: &&[(u32, u32)]| {
+        let next = chunk.last().map_or(first, |(patch, _)| *patch as usize + 1);
+        let (span, tail) = std::mem::take(&mut rest).split_at_mut(next - first);
+        rest = tail;
+        (std::mem::replace(&mut first, next), span)
+    };
+    chunks.iter().map(span).collect()
 }
 
 pub(super) struct Task<'a> {
@@ -238,29 +274,6 @@ pub(super) struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// Measures some patches from so many blocks each, and their parts if it is to `divide` them.
-    fn measure(
-        &self,
-        which: &[(u32, u32)],
-        table: &PointTable,
-        divide: bool,
-        observer: &dyn Observer,
-    ) -> Result<impl Iterator<Item = (Received, Option<Box<Divided>>)>> {
-        let measured = |chunk: &[(u32, u32)]| {
-            if observer.cancelled() {
-                return Vec::new();
-            }
-            let mut desk = Desk::new(self);
-            let one = |&(i, blocks): &(u32, u32)| self.texel(i as usize, table, blocks as usize, divide, &mut desk);
-            let out: Vec<(Received, Option<Box<Divided>>)> = chunk.iter().map(one).collect();
-            observer.advance(chunk.len() as u64);
-            out
-        };
-        let done: Vec<_> = which.par_chunks(CHUNK).map(measured).collect();
-        check(observer)?;
-        Ok(done.into_iter().flatten())
-    }
-
     /// The patches whose texels lie around one's own on the page, and itself.
     fn around(&self, patch: usize) -> impl Iterator<Item = usize> {
         let (texel, back) = self.patches.texel(patch);

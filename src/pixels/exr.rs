@@ -4,11 +4,16 @@
 //! values do not suit a half is divided by a power of two, which loses nothing: value = texel * scale.
 //! The same values give the same bytes. Neither NaN nor infinity is ever written.
 
-use ::exr::prelude::{
-    AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes, LineOrder,
-    ReadChannels, ReadLayers, WritableImage, f16, read,
+use ::exr::{
+    block::{self, BlockIndex, UncompressedBlock, chunk::Chunk, writer::ChunksWriter},
+    image::write::layers::{LayersWriter, WritableLayers},
+    prelude::{
+        AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes, LineOrder,
+        ReadChannels, ReadLayers, f16, read,
+    },
 };
 use glam::{UVec2, Vec3};
+use rayon::prelude::*;
 use std::io::Cursor;
 
 /// A page as the bytes of an EXR file.
@@ -46,9 +51,26 @@ pub fn encode(size: UVec2, values: &[Vec3], float: bool) -> Result<Encoded, Stri
         Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
     let list = AnyChannels::sort(channels.into_iter().collect());
     let layer = Layer::new((size.x as usize, size.y as usize), LayerAttributes::default(), how, list);
+    let bytes = write(&Image::from_layer(layer)).map_err(|e| e.to_string())?;
+    Ok(Encoded { bytes, scale })
+}
+
+/// The bytes of a file. The library's own way would compress on one thread, or on all of the machine's, asked or not.
+fn write<'i, L: WritableLayers<'i>>(image: &'i Image<L>) -> ::exr::error::Result<Vec<u8>> {
+    let headers = image.layer_data.infer_headers(&image.attributes);
+    let layers = image.layer_data.create_writer(&headers);
     let mut bytes = Cursor::new(Vec::new());
-    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).map_err(|e| e.to_string())?;
-    Ok(Encoded { bytes: bytes.into_inner(), scale })
+    block::write(&mut bytes, headers, true, |meta, file| {
+        let (places, blocks): (Vec<usize>, Vec<BlockIndex>) =
+            block::enumerate_ordered_header_block_indices(&meta.headers).unzip();
+        let compressed = |index: BlockIndex| {
+            let data = layers.extract_uncompressed_block(&meta.headers, index);
+            UncompressedBlock { index, data }.compress_to_chunk(&meta.headers)
+        };
+        let chunks: Vec<Chunk> = blocks.into_par_iter().map(compressed).collect::<::exr::error::Result<_>>()?;
+        places.into_iter().zip(chunks).try_for_each(|(place, chunk)| file.write_chunk(place, chunk))
+    })?;
+    Ok(bytes.into_inner())
 }
 
 /// Width and height as the header of an EXR file says, before anything is allocated by it.
