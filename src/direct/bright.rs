@@ -6,6 +6,7 @@
 use super::Direct;
 use crate::{math::luminance, patches::Patches};
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// Radiosity above this multiple of the mean is a peak.
 const PEAK: f32 = 2.0;
@@ -24,13 +25,14 @@ impl Bright {
     /// `None` if no patch stands out, or what stands out is too little for rows to miss. `before`: what has been sampled so far,
     /// which stays.
     pub fn new(patches: &Patches, direct: &Direct, mut before: Vec<Vec3>) -> Option<Self> {
-        let reflected: Vec<Vec3> = (0..patches.len()).map(|i| patches.reflectance[i] * direct.total(i)).collect();
+        let reflected = |i: usize| patches.reflectance[i] * direct.total(i);
+        let reflected: Vec<Vec3> = (0..patches.len()).into_par_iter().map(reflected).collect();
         let mean = mean_radiosity(patches, &reflected);
         if !before.is_empty() {
             before.resize(patches.len(), Vec3::ZERO);
             return Some(Bright { exitance: before, mean });
         }
-        let exitance: Vec<Vec3> = reflected.iter().map(|b| above(*b, PEAK * mean)).collect();
+        let exitance: Vec<Vec3> = reflected.par_iter().map(|b| above(*b, PEAK * mean)).collect();
         let squares = exitance.iter().zip(&patches.area).map(|(m, a)| f64::from(luminance(*m)).powi(2) * f64::from(*a));
         let variance = squares.sum::<f64>() / patches.area.iter().map(|a| f64::from(*a)).sum::<f64>();
         (variance > VARIANCE * f64::from(mean).powi(2)).then_some(Bright { exitance, mean })

@@ -2,6 +2,7 @@
 
 use crate::atlas::PADDING;
 use glam::{IVec2, UVec2, Vec3};
+use rayon::prelude::*;
 
 /// What a texel is before filling; covered ones with their instance and chart.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -43,8 +44,8 @@ pub(crate) fn gutters(size: UVec2, values: &mut [Vec3], empty: &[bool]) {
     let mut filled: Vec<bool> = empty.iter().map(|e| !e).collect();
     let mut front: Vec<usize> = (0..filled.len()).filter(|&i| filled[i]).collect();
     for _ in 0..PADDING {
-        let mut reached: Vec<usize> =
-            front.iter().flat_map(|&i| around(i, w, h).map(|(n, _)| n)).filter(|&n| !filled[n]).collect();
+        let beside = |&i: &usize| around(i, w, h).map(|(n, _)| n).filter(|&n| !filled[n]);
+        let mut reached: Vec<usize> = front.par_iter().flat_map_iter(beside).collect();
         reached.sort_unstable();
         reached.dedup();
         let means: Vec<Vec3> = reached.iter().map(|&i| mean(values, |n| filled[n], i, w, h)).collect();

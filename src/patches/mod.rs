@@ -87,11 +87,11 @@ impl Patches {
             .collect();
         let area_of = |pick: fn(&Front) -> bool| fronts.iter().filter(|f| pick(f)).map(|f| f64::from(f.area)).sum();
         Patches {
-            area: fronts.iter().map(|f| f.area).collect(),
-            center: fronts.iter().map(|f| f.center).collect(),
-            normal: fronts.iter().map(|f| f.normal).collect(),
-            reflectance: fronts.iter().map(|f| f.reflectance).collect(),
-            exitance: fronts.iter().map(|f| f.exitance).collect(),
+            area: fronts.par_iter().map(|f| f.area).collect(),
+            center: fronts.par_iter().map(|f| f.center).collect(),
+            normal: fronts.par_iter().map(|f| f.normal).collect(),
+            reflectance: fronts.par_iter().map(|f| f.reflectance).collect(),
+            exitance: fronts.par_iter().map(|f| f.exitance).collect(),
             validity: vec![1.0; fronts.len()],
             buried: vec![false; fronts.len()],
             fronts: fronts.len(),

@@ -61,7 +61,7 @@ impl<'t> System<'t> {
             area: patches.area.iter().zip(&patches.validity).map(|(a, open)| f64::from(a * open)).collect(),
             sampled: &direct.bounce.exitance,
             extra: extra.copied().collect(),
-            direct: (0..patches.len()).map(|i| direct.total(i)).collect(),
+            direct: (0..patches.len()).into_par_iter().map(|i| direct.total(i)).collect(),
         }
     }
 
@@ -188,7 +188,7 @@ impl<'t> System<'t> {
     pub fn at_patches(&self, x: &[DVec3]) -> Vec<Vec3> {
         let mut out = vec![DVec3::ZERO; self.reflectance.len()];
         self.transport.interpolate(x, &mut out);
-        out.iter().map(|v| v.max(DVec3::ZERO).as_vec3()).collect()
+        out.par_iter().map(|v| v.max(DVec3::ZERO).as_vec3()).collect()
     }
 
     /// Mean luminance of the darker half of the patches' irradiance, or a hundredth of the mean of all, if larger: a black
