@@ -185,28 +185,25 @@ impl<'k> Looks<'k> {
         let table = PointTable::of_places(block as usize, SEED.wrapping_add(self.known.times));
         let known = &self.known.received;
         let chunks: Vec<&[(u32, u32)]> = which.chunks(CHUNK).collect();
-        let spans = spans(&chunks, &mut self.last).into_iter().zip(spans(&chunks, &mut self.received));
-        let look = |(chunk, ((first, last), (_, received))): (&[(u32, u32)], (Span, Span))| {
-            if observer.cancelled() {
-                return (0, Vec::new());
-            }
+        let told = spans(&chunks, &mut self.last).into_par_iter().zip(spans(&chunks, &mut self.received));
+        let look = |(chunk, (last, received)): (&[(u32, u32)], (&mut [Received], &mut [Received]))| {
+            check(observer)?;
             let (mut desk, mut rays, mut parts) = (Desk::new(task), 0, Vec::new());
             for &(i, blocks) in chunk {
                 let (one, divided) = task.texel(i as usize, &table, blocks as usize, divide, &mut desk);
-                let last = &mut last[i as usize - first];
+                let at = (i - chunk[0].0) as usize;
                 // Blocks of neighbours are nets together: a closer look takes the place of another.
-                *last = one.after(last);
-                received[i as usize - first] = joined(known, i, last);
+                last[at] = one.after(&last[at]);
+                received[at] = joined(known, i, &last[at]);
                 rays += u64::from(one.rays);
                 if divide {
                     parts.push((i, one.points, divided));
                 }
             }
             observer.advance(chunk.len() as u64);
-            (rays, parts)
+            Ok((rays, parts))
         };
-        let looks: Vec<_> = chunks.into_par_iter().zip(spans.collect::<Vec<_>>()).map(look).collect();
-        check(observer)?;
+        let looks: Vec<_> = chunks.par_iter().copied().zip(told).map(look).collect::<Result<_>>()?;
         for (rays, parts) in looks {
             self.known.shadow_rays += rays;
             for (i, points, divided) in parts {
@@ -225,7 +222,7 @@ impl<'k> Looks<'k> {
         known.times += 1;
         match known.received.is_empty() {
             true => known.received = last,
-            false => known.received.iter_mut().zip(&last).for_each(|(known, last)| *known = known.and(last)),
+            false => known.received.par_iter_mut().zip(&last).for_each(|(known, last)| *known = known.and(last)),
         }
         Direct {
             lights: received.par_iter().map(|r| r.lights).collect(),
@@ -244,17 +241,14 @@ fn joined(known: &[Received], patch: u32, last: &Received) -> Received {
     known.get(patch as usize).map_or(*last, |before| before.and(last))
 }
 
-/// A part of the patches, from the first.
-type Span<'r> = (usize, &'r mut [Received]);
-
-/// Cuts what is told of all patches so that each chunk, of patches in their order, has a span of its own.
-fn spans<'r>(chunks: &[&[(u32, u32)]], mut rest: &'r mut [Received]) -> Vec<Span<'r>> {
-    let mut first = 0;
+/// Cuts what is told of all patches: for each chunk of them, which ascend, from its first patch to its last.
+fn spans<'t, T>(chunks: &[&[(u32, u32)]], mut rest: &'t mut [T]) -> Vec<&'t mut [T]> {
+    let mut begin = 0;
     let span = |chunk: &&[(u32, u32)]| {
-        let next = chunk.last().map_or(first, |(patch, _)| *patch as usize + 1);
-        let (span, tail) = std::mem::take(&mut rest).split_at_mut(next - first);
-        rest = tail;
-        (std::mem::replace(&mut first, next), span)
+        let [first, last] = [chunk[0], chunk[chunk.len() - 1]].map(|(patch, _)| patch as usize);
+        let (span, tail) = std::mem::take(&mut rest)[first - begin..].split_at_mut(last + 1 - first);
+        (rest, begin) = (tail, last + 1);
+        span
     };
     chunks.iter().map(span).collect()
 }
@@ -303,5 +297,20 @@ impl Task<'_> {
             self.around(patch).for_each(|n| wishes[n] = blocks.max(wishes[n]));
         }
         wishes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chunks_of_patches_have_spans_of_their_own() {
+        let mut told: Vec<u32> = (0..10).collect();
+        let which = [1, 2, 4, 5, 9].map(|patch| (patch, 1));
+        let chunks: Vec<&[(u32, u32)]> = which.chunks(2).collect();
+        let spans = spans(&chunks, &mut told);
+        assert_eq!(spans, [&[1, 2][..], &[4, 5], &[9]]);
+        assert!(super::spans(&[], &mut told).is_empty());
     }
 }

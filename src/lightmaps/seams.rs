@@ -15,7 +15,7 @@ const SMOOTH: f32 = 0.95;
 /// Relative jump of irradiance across seams, 95th percentile over edges by length; `None` without seams.
 pub fn jump_across_seams(world: &World, atlas: &Atlas, coverage: &Coverage, maps: &Lightmaps) -> Option<f64> {
     let instances = (0..world.scene.instances.len()).into_par_iter();
-    let mut jumps = instances.map(|i| jumps_of(world, atlas, coverage, maps, i)).collect::<Vec<_>>().concat();
+    let mut jumps: Vec<(f32, f32)> = instances.flat_map_iter(|i| jumps_of(world, atlas, coverage, maps, i)).collect();
     jumps.sort_by(|a, b| a.0.total_cmp(&b.0));
     let total: f32 = jumps.iter().map(|j| j.1).sum();
     let mut sum = 0.0;
@@ -65,7 +65,7 @@ fn jumps_of(world: &World, atlas: &Atlas, coverage: &Coverage, maps: &Lightmaps,
         }
     }
     // Those of one edge stay in the order of their triangles.
-    sides.sort_by_key(|(edge, _)| *edge);
+    sides.par_sort_by_key(|(edge, _)| *edge);
     let mut jumps = Vec::new();
     for sides in sides.chunk_by(|a, b| a.0 == b.0) {
         let [(_, s), (_, t)] = sides else { continue };
@@ -80,4 +80,67 @@ fn jumps_of(world: &World, atlas: &Atlas, coverage: &Coverage, maps: &Lightmaps,
         }
     }
     jumps
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        atlas::{Layout, Page, Placement},
+        lightmaps::Map,
+        scene::{Instance, Material, Mesh, Primitive, Scene},
+    };
+    use glam::{DAffine3, UVec2};
+
+    /// Three squares in a row, the first two on one chart, the last on another and turned by `turn` about the edge.
+    fn row(turn: f32) -> (Scene, Atlas) {
+        let (sin, cos) = turn.sin_cos();
+        let along = [Vec3::ZERO, Vec3::X, 2.0 * Vec3::X, Vec3::new(2.0 + cos, sin, 0.0)];
+        let positions = along.iter().flat_map(|&p| [p, p - Vec3::Z]).collect();
+        let square = |a: u32| [[a, a + 2, a + 3], [a, a + 3, a + 1]];
+        let triangles = [0, 2, 4].map(square).concat();
+        let primitives = vec![Primitive { triangles: 0..6, ..Primitive::default() }];
+        let mesh = Mesh { positions, triangles, primitives, ..Mesh::default() };
+        let instance =
+            Instance { name: String::new(), node: 0, mesh: 0, transform: DAffine3::IDENTITY, texels_per_meter: None };
+        let scene = Scene {
+            meshes: vec![mesh],
+            instances: vec![instance],
+            materials: vec![Material::default()],
+            ..Scene::default()
+        };
+        let columns = [0.0, 0.25, 0.5, 0.75, 1.0].map(|x| [Vec2::new(x, 0.25), Vec2::ZERO.with_x(x)]);
+        let triangles = [0, 2, 6].map(square).concat();
+        let layout = Layout {
+            source: vec![0, 1, 2, 3, 4, 5, 4, 5, 6, 7],
+            uv: columns.concat(),
+            triangles,
+            charts: vec![0, 0, 0, 0, 1, 1],
+            chart_count: 2,
+        };
+        let placement = Placement { page: 0, offset: Vec2::ZERO, scale: Vec2::ONE };
+        let atlas = Atlas {
+            layouts: vec![layout],
+            placements: vec![Some(placement)],
+            pages: vec![Page { size: UVec2::splat(64), hidden: false }],
+            ..Atlas::default()
+        };
+        (scene, atlas)
+    }
+
+    /// A step of light in the middle of a chart is none; one between charts is, unless the surface has an edge there.
+    #[test]
+    fn a_jump_is_told_across_seams_only() {
+        let jump = |turn, step: usize| {
+            let (scene, atlas) = row(turn);
+            let world = World::new(&scene);
+            let coverage = Coverage::new(&world, &atlas);
+            let irradiance = (0..64 * 64).map(|i| Vec3::splat(if i % 64 < step { 1.0 } else { 3.0 })).collect();
+            let map = Map { size: UVec2::splat(64), irradiance, covered: vec![true; 64 * 64] };
+            jump_across_seams(&world, &atlas, &coverage, &Lightmaps { pages: vec![map], ..Lightmaps::default() })
+        };
+        assert_eq!(jump(0.0, 40), Some(1.0));
+        assert_eq!(jump(0.0, 16), Some(0.0));
+        assert_eq!(jump(1.0, 40), None);
+    }
 }

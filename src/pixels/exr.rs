@@ -31,6 +31,9 @@ const HALF_MAX: f32 = 65504.0;
 /// Pages darker than this are scaled up: a half loses digits below 2^-14, and shadows are far darker than the maximum.
 const DIM: f32 = 1.0 / 64.0;
 
+/// Blocks of rows that are there at once, compressed.
+const TOGETHER: usize = 64;
+
 /// Encodes `values`, rows from the top; `float`: 32 bits a channel instead of 16. The error is the encoder's reason.
 pub fn encode(size: UVec2, values: &[Vec3], float: bool) -> Result<Encoded, String> {
     if size.min_element() == 0 || values.len() != size.x as usize * size.y as usize {
@@ -56,19 +59,21 @@ pub fn encode(size: UVec2, values: &[Vec3], float: bool) -> Result<Encoded, Stri
 }
 
 /// The bytes of a file. The library's own way would compress on one thread, or on all of the machine's, asked or not.
-fn write<'i, L: WritableLayers<'i>>(image: &'i Image<L>) -> ::exr::error::Result<Vec<u8>> {
+fn write(image: &Image<Layer<AnyChannels<FlatSamples>>>) -> ::exr::error::Result<Vec<u8>> {
     let headers = image.layer_data.infer_headers(&image.attributes);
     let layers = image.layer_data.create_writer(&headers);
     let mut bytes = Cursor::new(Vec::new());
     block::write(&mut bytes, headers, true, |meta, file| {
-        let (places, blocks): (Vec<usize>, Vec<BlockIndex>) =
-            block::enumerate_ordered_header_block_indices(&meta.headers).unzip();
-        let compressed = |index: BlockIndex| {
+        let compressed = |&(place, index): &(usize, BlockIndex)| {
             let data = layers.extract_uncompressed_block(&meta.headers, index);
-            UncompressedBlock { index, data }.compress_to_chunk(&meta.headers)
+            Ok((place, UncompressedBlock { index, data }.compress_to_chunk(&meta.headers)?))
         };
-        let chunks: Vec<Chunk> = blocks.into_par_iter().map(compressed).collect::<::exr::error::Result<_>>()?;
-        places.into_iter().zip(chunks).try_for_each(|(place, chunk)| file.write_chunk(place, chunk))
+        let blocks: Vec<(usize, BlockIndex)> = block::enumerate_ordered_header_block_indices(&meta.headers).collect();
+        for some in blocks.chunks(TOGETHER) {
+            let chunks: Vec<(usize, Chunk)> = some.par_iter().map(compressed).collect::<::exr::error::Result<_>>()?;
+            chunks.into_iter().try_for_each(|(place, chunk)| file.write_chunk(place, chunk))?;
+        }
+        Ok(())
     })?;
     Ok(bytes.into_inner())
 }
