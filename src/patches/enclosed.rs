@@ -69,25 +69,22 @@ impl<'a> Enclosure<'a> {
     /// Whether one probe each, from some points of the texel `at`, ends on a back.
     pub fn meet_backs(&self, points: &[SurfacePoint], at: UVec2, turn: Vec2) -> Vec<bool> {
         let probes = self.probes.block(at.x, at.y, 0).iter().cycle();
-        let seen = self.look(points.iter().zip(probes), turn);
-        seen.into_iter().map(|seen| matches!(seen, Seen::Back | Seen::Sheet)).collect()
+        let hits = self.look(points.iter().zip(probes), turn);
+        hits.iter().map(|hit| hit.as_ref().is_some_and(|hit| self.may_enclose(hit))).collect()
     }
 
-    /// True if no probe gets out, from one of the points after the other, and few meet fronts.
+    /// True if probes from one of the points after the other say so.
     fn surround(&self, points: &[&SurfacePoint], probes: &[Point], turn: Vec2) -> bool {
-        let (mut fronts, mut sheets) = (0, 0);
         let probes: Vec<(&SurfacePoint, &Point)> = points.iter().copied().cycle().zip(probes).collect();
+        let mut met = Tally::default();
         probes.chunks(TOGETHER).all(|few| {
-            let seen = self.look(few.iter().copied(), turn);
-            let count = |what| seen.iter().filter(|s| **s == what).count();
-            fronts += count(Seen::Front);
-            sheets += count(Seen::Sheet);
-            count(Seen::Out) == 0 && fronts <= if sheets > 0 { 0 } else { FRONTS }
-        })
+            self.look(few.iter().copied(), turn).iter().for_each(|hit| met.add(self, hit));
+            met.may_enclose()
+        }) && met.encloses()
     }
 
     /// What probes end on.
-    fn look<'p>(&self, probes: impl Iterator<Item = (&'p SurfacePoint, &'p Point)>, turn: Vec2) -> Vec<Seen> {
+    fn look<'p>(&self, probes: impl Iterator<Item = (&'p SurfacePoint, &'p Point)>, turn: Vec2) -> Vec<Option<Hit>> {
         let ray = |(k, (p, probe)): (usize, (&SurfacePoint, &Point))| {
             let direction = Frame::around(p.face).turned(turn).to_world(probe.direction);
             p.ray(direction, k as u32)
@@ -95,28 +92,55 @@ impl<'a> Enclosure<'a> {
         let rays: Vec<Ray> = probes.enumerate().map(ray).collect();
         let mut hits = vec![None; rays.len()];
         self.tracer.closest_of_each(&rays, &mut hits);
-        let seen = |hit: Option<Hit>| {
-            let Some(hit) = hit else { return Seen::Out };
-            let surface = &self.coverage.charted[hit.triangle as usize];
-            match hit.front {
-                _ if surface.emits => Seen::Out,
-                true => Seen::Front,
-                false if surface.double_sided => Seen::Sheet,
-                false => Seen::Back,
-            }
-        };
-        hits.into_iter().map(seen).collect()
+        hits
     }
 }
 
-/// What a probe ends on.
-#[derive(Clone, Copy, PartialEq)]
-enum Seen {
-    /// A back that is dark.
-    Back,
-    /// One that may be lit.
-    Sheet,
-    Front,
+/// What rays that begin about the same place have ended on.
+#[derive(Clone, Copy, Default)]
+pub struct Tally {
+    rays: usize,
+    /// Fronts, and backs that may be lit.
+    fronts: usize,
+    sheets: usize,
     /// The sky, or what shines.
-    Out,
+    out: usize,
+}
+
+impl Tally {
+    /// Of rays all of which have ended on dark backs.
+    pub fn of_backs(rays: usize) -> Self {
+        Tally { rays, ..Tally::default() }
+    }
+
+    /// Counts a ray.
+    #[inline(always)]
+    pub fn add(&mut self, enclosure: &Enclosure, hit: &Option<Hit>) {
+        self.rays += 1;
+        let surface = hit.as_ref().map(|hit| &enclosure.coverage.charted[hit.triangle as usize]);
+        match (hit, surface) {
+            (Some(hit), Some(surface)) if !surface.emits => {
+                self.fronts += usize::from(hit.front);
+                self.sheets += usize::from(!hit.front && surface.double_sided);
+            }
+            _ => self.out += 1,
+        }
+    }
+
+    /// Both together.
+    pub fn and(self, o: Self) -> Self {
+        let (rays, fronts, sheets) = (self.rays + o.rays, self.fronts + o.fronts, self.sheets + o.sheets);
+        Tally { rays, fronts, sheets, out: self.out + o.out }
+    }
+
+    /// True if none has got out, and few have met fronts.
+    fn may_enclose(&self) -> bool {
+        let few = if self.sheets > 0 { 0 } else { FRONTS * self.rays.max(PROBES) };
+        self.out == 0 && self.fronts * PROBES <= few
+    }
+
+    /// True if that many say that the place is enclosed.
+    pub fn encloses(&self) -> bool {
+        self.rays >= PROBES && self.may_enclose()
+    }
 }

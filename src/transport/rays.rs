@@ -18,7 +18,7 @@ use crate::{
     atlas::Coverage,
     error::Result,
     math::{Point, PointTable, hash},
-    patches::{Patches, SurfacePoint},
+    patches::{Patches, SurfacePoint, Tally},
     progress::{Observer, check},
     trace::{NOWHERE, Ray, Tracer},
 };
@@ -34,8 +34,7 @@ const PASSES: usize = 4;
 /// Open points that meet backs before the others are taken for open, too; enclosed ones before they are for enclosed.
 const TRUST: usize = 8;
 const SURE: usize = 32;
-/// Fewer rays than this, of all texels so far around, all of which meet backs, do not yet say that all of the texel is enclosed.
-const FEW: usize = 32;
+/// Rays of texels so far around, along both axes of the page, tell whether all of a place is enclosed.
 const BESIDE: u32 = 2;
 /// Rays of a texel that are made at once: the points of its neighbours lie far away in memory.
 const TOGETHER: usize = 8;
@@ -181,22 +180,24 @@ impl Lot {
 }
 
 impl Shooter<'_> {
-    /// Decides about the points that may be enclosed, and shoots more rays for those that are. `about`: if all of its
-    /// rays meet backs, how many do thereabouts, if none does not, or of its own; `open`: of the rays before, how many began
-    /// outside, if the texel was not enclosed.
+    /// Decides about the points that may be enclosed, and shoots more rays for those that are. `around`: true if the place is
+    /// enclosed, by rays of its own and of texels beside it; `open`: of the rays before, how many began outside, if the texel
+    /// was not enclosed.
     fn complete(
         &self,
         lot: &Lot,
         receiver: &Receiver,
         row: &mut Draft,
-        about: usize,
+        around: bool,
         open: Option<f32>,
         done: &mut Done,
     ) {
+        let behind_all = open.is_none() && row.behind.len() == lot.rays();
         // Few rays may all meet the backs of sheets: then one of their points is looked at.
-        let some = if about < FEW { &row.behind[..row.behind.len().min(1)] } else { &[] };
-        let enclosed_all = about > 0 && self.holds(receiver, some, &mut 0).iter().all(|e| *e);
-        self.decide(receiver, row, enclosed_all, &mut done.stats);
+        let enclosed_all = behind_all && (around || self.holds(receiver, &row.behind[..1], &mut 0) == [true]);
+        // The row of what is enclosed altogether is kept.
+        let known = if enclosed_all { Some(false) } else { around.then_some(true) };
+        self.decide(receiver, row, known, &mut done.stats);
         let valid = row.columns.len();
         let buried = enclosed_all || open.is_none() && valid == 0;
         done.buried.push(buried);
@@ -204,7 +205,7 @@ impl Shooter<'_> {
         let (mut rays, mut hits) = (Vec::new(), Vec::new());
         for pass in 1..PASSES {
             let valid = row.columns.len();
-            if buried || valid >= lot.rays() {
+            if buried || around || valid >= lot.rays() {
                 return;
             }
             let points = lot.again[pass].block(receiver.at.x, receiver.at.y, 0);
@@ -226,12 +227,12 @@ impl Shooter<'_> {
                     Err(seen) => row.behind.push(Behind { place: point.place, seen, spot }),
                 }
             }
-            self.decide(receiver, row, false, &mut done.stats);
+            self.decide(receiver, row, None, &mut done.stats);
         }
     }
 
-    /// Settles what is left of rays that met backs.
-    fn decide(&self, receiver: &Receiver, row: &mut Draft, enclosed_all: bool, stats: &mut Stats) {
+    /// Settles what is left of rays that met backs. `known`: whether all their points count as enclosed.
+    fn decide(&self, receiver: &Receiver, row: &mut Draft, known: Option<bool>, stats: &mut Stats) {
         let mut behind = std::mem::take(&mut row.behind);
         // They come sorted by direction: the first to be looked at are to stand for all.
         let by_chance = |b: &Behind| hash(b.place.x.to_bits(), b.place.y.to_bits());
@@ -244,7 +245,7 @@ impl Shooter<'_> {
         for until in [TRUST, SURE, usize::MAX] {
             // Where backs are those of sheets, the first few points say so; a box hides nearly all that meet backs.
             let settled = row.enclosed == 0 && row.open >= TRUST || row.open == 0 && row.enclosed >= SURE;
-            if enclosed_all || settled {
+            if known.is_some() || settled {
                 break;
             }
             let some = &behind[enclosed.len()..until.min(behind.len())];
@@ -252,7 +253,7 @@ impl Shooter<'_> {
             row.open += found.iter().filter(|enclosed| !**enclosed).count();
             enclosed.extend(found);
         }
-        enclosed.resize(behind.len(), row.open == 0 && row.enclosed > 0);
+        enclosed.resize(behind.len(), known.unwrap_or(row.open == 0 && row.enclosed > 0));
         for b in behind.iter().zip(enclosed).filter(|(_, enclosed)| !enclosed).map(|(b, _)| b) {
             row.columns.push(self.sight.column(b.seen, stats));
             if self.keep && !receiver.back {
@@ -285,7 +286,7 @@ impl Method for Shooter<'_> {
         let (receivers, rows) = desk.clear(&lot.table, texels, *back);
         let nowhere = Ray { origin: Vec3::ZERO, direction: Vec3::Z, key: 0, from: NOWHERE };
         let (mut rays, mut hits) = (vec![nowhere; n * TOGETHER], vec![None; n * TOGETHER]);
-        let mut ends = Vec::with_capacity(n * lot.rays());
+        let (mut ends, mut met) = (Vec::with_capacity(n * lot.rays()), vec![Tally::default(); n]);
         for first in (0..lot.rays()).step_by(TOGETHER) {
             let directions = first..(first + TOGETHER).min(lot.rays());
             let count = n * directions.len();
@@ -298,6 +299,7 @@ impl Method for Shooter<'_> {
             self.sight.tracer.closest_of_each(&rays[..count], &mut hits[..count]);
             for (at, (ray, hit)) in rays[..count].iter().zip(&hits).enumerate() {
                 let (k, i) = (first + at / n, at % n);
+                self.sight.tally(&mut met[i], hit);
                 let end = self.sight.end(ray, hit, &mut done.stats);
                 ends.push(end.column.unwrap_or(OPEN));
                 match end.column {
@@ -310,26 +312,23 @@ impl Method for Shooter<'_> {
             }
         }
         let open = |i: usize| before.buried.get(i).is_some_and(|buried| !buried);
-        // Of those that have a row already, all rays have met backs; those that are asked for more had others, too.
-        let rays_each = if before.block.is_empty() { lot.rays() } else { lot.part.end };
         let place = |i: usize| self.sight.coverage.texels[texels[i] as usize];
-        let behind: Vec<bool> = (0..n).map(|i| !open(i) && rows[i].behind.len() == lot.rays()).collect();
-        // One ray beside it that gets out, and a texel has to prove it by its own.
-        let about = |i: usize| {
+        let around = |i: usize| {
             let here = place(i);
             let beside = |k: &usize| {
                 place(*k).page == here.page && place(*k).at.as_ivec2().chebyshev_distance(here.at.as_ivec2()) <= BESIDE
             };
-            let mut beside = (0..n).filter(beside);
-            let count = beside.clone().count();
-            rays_each * if beside.all(|k| behind[k]) { count } else { 1 }
+            // What was enclosed altogether had met backs only.
+            let of_before = if before.buried.get(i) == Some(&true) { lot.part.start } else { 0 };
+            let own = met[i].and(Tally::of_backs(of_before));
+            own.encloses() || (0..n).filter(beside).map(|k| met[k]).fold(Tally::default(), Tally::and).encloses()
         };
-        let about: Vec<usize> = (0..n).map(|i| if behind[i] { about(i) } else { 0 }).collect();
+        let around: Vec<bool> = (0..n).map(|i| !rows[i].behind.is_empty() && around(i)).collect();
         for (i, (receiver, row)) in receivers.iter().zip(rows).enumerate() {
             row.columns.extend(ends[i..].iter().step_by(n).filter(|&&column| column != OPEN));
             let open = open(i);
             let of_before = open.then(|| before.validity[i] * lot.part.start as f32);
-            self.complete(lot, receiver, row, about[i], of_before, &mut done);
+            self.complete(lot, receiver, row, around[i], of_before, &mut done);
             if open {
                 row.join(&before.block, i, before.eyes.get(i).filter(|_| keep));
             }

@@ -8,7 +8,7 @@ use super::{
 use crate::{
     atlas::Coverage,
     math::{CELLS, cell_of},
-    patches::{Enclosure, Seen, SurfacePoint, seen},
+    patches::{Enclosure, Seen, SurfacePoint, Tally, seen},
     trace::{Hit, Ray, Tracer},
 };
 use glam::Vec3;
@@ -80,6 +80,12 @@ impl<'a> Sight<'a> {
                 DARK
             }
         }
+    }
+
+    /// Counts a ray that begins at a receiver.
+    #[inline(always)]
+    pub fn tally(&self, met: &mut Tally, hit: &Option<Hit>) {
+        met.add(&self.enclosure, hit);
     }
 
     /// Which points of a receiver are enclosed; `found` counts them.
