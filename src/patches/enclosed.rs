@@ -144,3 +144,22 @@ impl Tally {
         self.rays >= PROBES && self.may_enclose()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_fronts_and_no_way_out_are_an_enclosure() {
+        let met = |rays, fronts, sheets, out| Tally { rays, fronts, sheets, out };
+        assert!(met(32, 0, 0, 0).encloses() && !met(31, 0, 0, 0).encloses());
+        assert!(met(32, 4, 0, 0).encloses() && !met(32, 5, 0, 0).encloses());
+        assert!(met(80, 10, 0, 0).encloses() && !met(80, 11, 0, 0).encloses());
+        assert!(met(800, 0, 1, 0).encloses() && !met(800, 1, 1, 0).encloses());
+        assert!(!met(800, 0, 0, 1).encloses());
+        // Probes go on as long as they may.
+        assert!(met(8, 4, 0, 0).may_enclose() && !met(8, 5, 0, 0).may_enclose());
+        let both = met(16, 2, 0, 0).and(Tally::of_backs(16));
+        assert!(both.encloses() && !both.and(met(1, 0, 0, 1)).encloses());
+    }
+}
