@@ -195,9 +195,9 @@ impl Shooter<'_> {
         let behind_all = open.is_none() && row.behind.len() == lot.rays();
         // Few rays may all meet the backs of sheets: then one of their points is looked at.
         let enclosed_all = behind_all && (around || self.holds(receiver, &row.behind[..1], &mut 0) == [true]);
+        let enclosed = around.then_some(true);
         // The row of what is enclosed altogether is kept.
-        let known = if enclosed_all { Some(false) } else { around.then_some(true) };
-        self.decide(receiver, row, known, &mut done.stats);
+        self.decide(receiver, row, if enclosed_all { Some(false) } else { enclosed }, &mut done.stats);
         let valid = row.columns.len();
         let buried = enclosed_all || open.is_none() && valid == 0;
         done.buried.push(buried);
@@ -205,7 +205,7 @@ impl Shooter<'_> {
         let (mut rays, mut hits) = (Vec::new(), Vec::new());
         for pass in 1..PASSES {
             let valid = row.columns.len();
-            if buried || around || valid >= lot.rays() {
+            if buried || valid >= lot.rays() {
                 return;
             }
             let points = lot.again[pass].block(receiver.at.x, receiver.at.y, 0);
@@ -227,7 +227,7 @@ impl Shooter<'_> {
                     Err(seen) => row.behind.push(Behind { place: point.place, seen, spot }),
                 }
             }
-            self.decide(receiver, row, None, &mut done.stats);
+            self.decide(receiver, row, enclosed, &mut done.stats);
         }
     }
 
