@@ -8,10 +8,10 @@ use crate::{
 };
 use glam::{UVec2, Vec2};
 
-/// Rays that decide, at most. Where most of the view is backs of sheets, few would mistake it for an enclosure.
+/// Rays that decide, at least. Where most of the view is backs of sheets, few would mistake it for an enclosure.
 const PROBES: usize = 32;
-/// Those that may meet fronts, if all backs are dark: a pillar is often open where it meets the ceiling, a slab where it
-/// leans on a wall.
+/// Of so many those that may meet fronts, if all backs are dark: a pillar is often open where it meets the ceiling, a slab
+/// where it leans on a wall.
 const FRONTS: usize = 4;
 /// Those that are traced at once.
 const TOGETHER: usize = 8;
@@ -76,11 +76,11 @@ impl<'a> Enclosure<'a> {
     /// True if probes from one of the points after the other say so.
     fn surround(&self, points: &[&SurfacePoint], probes: &[Point], turn: Vec2) -> bool {
         let probes: Vec<(&SurfacePoint, &Point)> = points.iter().copied().cycle().zip(probes).collect();
-        let mut met = Tally::default();
+        let mut met = Met::default();
         probes.chunks(TOGETHER).all(|few| {
             self.look(few.iter().copied(), turn).iter().for_each(|hit| met.add(self, hit));
             met.may_enclose()
-        }) && met.encloses()
+        })
     }
 
     /// What probes end on.
@@ -96,52 +96,58 @@ impl<'a> Enclosure<'a> {
     }
 }
 
-/// What rays that begin about the same place have ended on.
-#[derive(Clone, Copy, Default)]
-pub struct Tally {
+/// What rays that begin about the same place have met.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Met {
     rays: usize,
-    /// Fronts, and backs that may be lit.
     fronts: usize,
+    /// Backs that may be lit.
     sheets: usize,
     /// The sky, or what shines.
     out: usize,
 }
 
-impl Tally {
-    /// Of rays all of which have ended on dark backs.
-    pub fn of_backs(rays: usize) -> Self {
-        Tally { rays, ..Tally::default() }
+impl Met {
+    /// Of a place that is known to be enclosed, where so many rays met backs, some of them `sheets`.
+    pub fn enclosed(rays: usize, sheets: usize) -> Self {
+        Met { rays, sheets, ..Met::default() }
+    }
+
+    /// Of a place that is known not to be.
+    pub fn open(rays: usize) -> Self {
+        Met { rays, out: rays, ..Met::default() }
     }
 
     /// Counts a ray.
     #[inline(always)]
     pub fn add(&mut self, enclosure: &Enclosure, hit: &Option<Hit>) {
         self.rays += 1;
-        let surface = hit.as_ref().map(|hit| &enclosure.coverage.charted[hit.triangle as usize]);
-        match (hit, surface) {
-            (Some(hit), Some(surface)) if !surface.emits => {
-                self.fronts += usize::from(hit.front);
-                self.sheets += usize::from(!hit.front && surface.double_sided);
-            }
-            _ => self.out += 1,
+        let surface = |hit: &Hit| &enclosure.coverage.charted[hit.triangle as usize];
+        match hit.as_ref().map(|hit| (hit.front, surface(hit))).filter(|(_, surface)| !surface.emits) {
+            Some((true, _)) => self.fronts += 1,
+            Some((false, surface)) => self.sheets += usize::from(surface.double_sided),
+            None => self.out += 1,
         }
     }
 
     /// Both together.
     pub fn and(self, o: Self) -> Self {
         let (rays, fronts, sheets) = (self.rays + o.rays, self.fronts + o.fronts, self.sheets + o.sheets);
-        Tally { rays, fronts, sheets, out: self.out + o.out }
+        Met { rays, fronts, sheets, out: self.out + o.out }
+    }
+
+    /// True if the place is enclosed: by so many rays, or, if these are fewer than it takes and do not say otherwise, by
+    /// those of all that is `around`.
+    pub fn encloses(&self, around: impl FnOnce() -> Self) -> bool {
+        let enough = |met: &Met| met.rays >= PROBES && met.may_enclose();
+        let few = self.rays < PROBES && self.out == 0 && self.fronts <= 1 + self.rays * FRONTS / PROBES;
+        enough(self) || few && enough(&around())
     }
 
     /// True if none has got out, and few have met fronts.
     fn may_enclose(&self) -> bool {
         let few = if self.sheets > 0 { 0 } else { FRONTS * self.rays.max(PROBES) };
         self.out == 0 && self.fronts * PROBES <= few
-    }
-
-    /// True if that many say that the place is enclosed.
-    pub fn encloses(&self) -> bool {
-        self.rays >= PROBES && self.may_enclose()
     }
 }
 
@@ -151,15 +157,24 @@ mod tests {
 
     #[test]
     fn few_fronts_and_no_way_out_are_an_enclosure() {
-        let met = |rays, fronts, sheets, out| Tally { rays, fronts, sheets, out };
-        assert!(met(32, 0, 0, 0).encloses() && !met(31, 0, 0, 0).encloses());
-        assert!(met(32, 4, 0, 0).encloses() && !met(32, 5, 0, 0).encloses());
-        assert!(met(80, 10, 0, 0).encloses() && !met(80, 11, 0, 0).encloses());
-        assert!(met(800, 0, 1, 0).encloses() && !met(800, 1, 1, 0).encloses());
-        assert!(!met(800, 0, 0, 1).encloses());
+        let met = |rays, fronts, sheets, out| Met { rays, fronts, sheets, out };
+        let alone = |met: Met| met.encloses(|| met);
+        assert!(alone(met(32, 0, 0, 0)) && !alone(met(31, 0, 0, 0)));
+        assert!(alone(met(32, 4, 0, 0)) && !alone(met(32, 5, 0, 0)));
+        assert!(alone(met(80, 10, 0, 0)) && !alone(met(80, 11, 0, 0)));
+        assert!(alone(met(800, 0, 1, 0)) && !alone(met(800, 1, 1, 0)));
+        assert!(!alone(met(800, 0, 0, 1)));
         // Probes go on as long as they may.
         assert!(met(8, 4, 0, 0).may_enclose() && !met(8, 5, 0, 0).may_enclose());
-        let both = met(16, 2, 0, 0).and(Tally::of_backs(16));
-        assert!(both.encloses() && !both.and(met(1, 0, 0, 1)).encloses());
+    }
+
+    #[test]
+    fn those_around_decide_only_for_who_has_few_rays() {
+        let met = |rays, fronts, out| Met { rays, fronts, out, ..Met::default() };
+        let around = |own: Met| own.encloses(|| own.and(Met::enclosed(200, 0)));
+        assert!(around(met(6, 0, 0)) && around(met(6, 1, 0)) && !around(met(6, 2, 0)) && !around(met(6, 0, 1)));
+        assert!(around(met(16, 3, 0)) && !around(met(16, 4, 0)));
+        assert!(around(met(64, 8, 0)) && !around(met(64, 9, 0)));
+        assert!(!met(6, 0, 0).encloses(|| met(6, 0, 0).and(Met::open(1)).and(Met::enclosed(200, 0))));
     }
 }

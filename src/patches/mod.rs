@@ -6,7 +6,7 @@
 mod enclosed;
 mod footprint;
 
-pub use enclosed::{Enclosure, Tally};
+pub use enclosed::{Enclosure, Met};
 pub use footprint::{Cell, Face, Faces, Footprint, SurfacePoint};
 
 use crate::{

@@ -18,7 +18,7 @@ use crate::{
     atlas::Coverage,
     error::Result,
     math::{Point, PointTable, hash},
-    patches::{Patches, SurfacePoint, Tally},
+    patches::{Met, Patches, SurfacePoint},
     progress::{Observer, check},
     trace::{NOWHERE, Ray, Tracer},
 };
@@ -180,9 +180,9 @@ impl Lot {
 }
 
 impl Shooter<'_> {
-    /// Decides about the points that may be enclosed, and shoots more rays for those that are. `around`: true if the place is
-    /// enclosed, by rays of its own and of texels beside it; `open`: of the rays before, how many began outside, if the texel
-    /// was not enclosed.
+    /// Decides about the points that may be enclosed, and shoots more rays for those that are. `around`: true if rays of its
+    /// own or those of texels beside it have told that the place is enclosed; `open`: of the rays before, how many began
+    /// outside, if the texel was not enclosed.
     fn complete(
         &self,
         lot: &Lot,
@@ -195,9 +195,7 @@ impl Shooter<'_> {
         let behind_all = open.is_none() && row.behind.len() == lot.rays();
         // Few rays may all meet the backs of sheets: then one of their points is looked at.
         let enclosed_all = behind_all && (around || self.holds(receiver, &row.behind[..1], &mut 0) == [true]);
-        let enclosed = around.then_some(true);
-        // The row of what is enclosed altogether is kept.
-        self.decide(receiver, row, if enclosed_all { Some(false) } else { enclosed }, &mut done.stats);
+        self.settle(receiver, row, around, enclosed_all, &mut done.stats);
         let valid = row.columns.len();
         let buried = enclosed_all || open.is_none() && valid == 0;
         done.buried.push(buried);
@@ -227,12 +225,16 @@ impl Shooter<'_> {
                     Err(seen) => row.behind.push(Behind { place: point.place, seen, spot }),
                 }
             }
-            self.decide(receiver, row, enclosed, &mut done.stats);
+            self.settle(receiver, row, around, false, &mut done.stats);
         }
     }
 
-    /// Settles what is left of rays that met backs. `known`: whether all their points count as enclosed.
-    fn decide(&self, receiver: &Receiver, row: &mut Draft, known: Option<bool>, stats: &mut Stats) {
+    /// Settles what is left of rays that met backs; the row of what is `enclosed_all` together is kept.
+    fn settle(&self, receiver: &Receiver, row: &mut Draft, around: bool, enclosed_all: bool, stats: &mut Stats) {
+        if around && !enclosed_all {
+            row.behind.clear();
+            return;
+        }
         let mut behind = std::mem::take(&mut row.behind);
         // They come sorted by direction: the first to be looked at are to stand for all.
         let by_chance = |b: &Behind| hash(b.place.x.to_bits(), b.place.y.to_bits());
@@ -245,7 +247,7 @@ impl Shooter<'_> {
         for until in [TRUST, SURE, usize::MAX] {
             // Where backs are those of sheets, the first few points say so; a box hides nearly all that meet backs.
             let settled = row.enclosed == 0 && row.open >= TRUST || row.open == 0 && row.enclosed >= SURE;
-            if known.is_some() || settled {
+            if enclosed_all || settled {
                 break;
             }
             let some = &behind[enclosed.len()..until.min(behind.len())];
@@ -253,7 +255,7 @@ impl Shooter<'_> {
             row.open += found.iter().filter(|enclosed| !**enclosed).count();
             enclosed.extend(found);
         }
-        enclosed.resize(behind.len(), known.unwrap_or(row.open == 0 && row.enclosed > 0));
+        enclosed.resize(behind.len(), row.open == 0 && row.enclosed > 0);
         for b in behind.iter().zip(enclosed).filter(|(_, enclosed)| !enclosed).map(|(b, _)| b) {
             row.columns.push(self.sight.column(b.seen, stats));
             if self.keep && !receiver.back {
@@ -286,7 +288,13 @@ impl Method for Shooter<'_> {
         let (receivers, rows) = desk.clear(&lot.table, texels, *back);
         let nowhere = Ray { origin: Vec3::ZERO, direction: Vec3::Z, key: 0, from: NOWHERE };
         let (mut rays, mut hits) = (vec![nowhere; n * TOGETHER], vec![None; n * TOGETHER]);
-        let (mut ends, mut met) = (Vec::with_capacity(n * lot.rays()), vec![Tally::default(); n]);
+        let mut ends = Vec::with_capacity(n * lot.rays());
+        let known = |i: usize| match before.buried.get(i) {
+            Some(true) => Met::enclosed(lot.part.start, before.block.row(i).columns.len()),
+            Some(false) => Met::open(lot.part.start),
+            None => Met::default(),
+        };
+        let mut met: Vec<Met> = (0..n).map(known).collect();
         for first in (0..lot.rays()).step_by(TOGETHER) {
             let directions = first..(first + TOGETHER).min(lot.rays());
             let count = n * directions.len();
@@ -299,7 +307,7 @@ impl Method for Shooter<'_> {
             self.sight.tracer.closest_of_each(&rays[..count], &mut hits[..count]);
             for (at, (ray, hit)) in rays[..count].iter().zip(&hits).enumerate() {
                 let (k, i) = (first + at / n, at % n);
-                self.sight.tally(&mut met[i], hit);
+                self.sight.count(&mut met[i], hit);
                 let end = self.sight.end(ray, hit, &mut done.stats);
                 ends.push(end.column.unwrap_or(OPEN));
                 match end.column {
@@ -318,10 +326,7 @@ impl Method for Shooter<'_> {
             let beside = |k: &usize| {
                 place(*k).page == here.page && place(*k).at.as_ivec2().chebyshev_distance(here.at.as_ivec2()) <= BESIDE
             };
-            // What was enclosed altogether had met backs only.
-            let of_before = if before.buried.get(i) == Some(&true) { lot.part.start } else { 0 };
-            let own = met[i].and(Tally::of_backs(of_before));
-            own.encloses() || (0..n).filter(beside).map(|k| met[k]).fold(Tally::default(), Tally::and).encloses()
+            met[i].encloses(|| (0..n).filter(beside).map(|k| met[k]).fold(Met::default(), Met::and))
         };
         let around: Vec<bool> = (0..n).map(|i| !rows[i].behind.is_empty() && around(i)).collect();
         for (i, (receiver, row)) in receivers.iter().zip(rows).enumerate() {

@@ -8,7 +8,7 @@ use super::{
 use crate::{
     atlas::Coverage,
     math::{CELLS, cell_of},
-    patches::{Enclosure, Seen, SurfacePoint, Tally, seen},
+    patches::{Enclosure, Met, Seen, SurfacePoint, seen},
     trace::{Hit, Ray, Tracer},
 };
 use glam::Vec3;
@@ -84,7 +84,7 @@ impl<'a> Sight<'a> {
 
     /// Counts a ray that begins at a receiver.
     #[inline(always)]
-    pub fn tally(&self, met: &mut Tally, hit: &Option<Hit>) {
+    pub fn count(&self, met: &mut Met, hit: &Option<Hit>) {
         met.add(&self.enclosure, hit);
     }
 

@@ -5,7 +5,7 @@ use crate::{
     common::{
         bakes::{grey, shoot, within_sigma},
         exact,
-        scenes::{Cuboid, Face, rectangle, unit_room},
+        scenes::{Cuboid, FACES, Face, rectangle, unit_room},
         stage::Stage,
     },
     greys, plane, white,
@@ -115,6 +115,45 @@ fn below_a_sheet_beside_a_box_a_texel_has_its_open_half() {
         }
         let within = within_sigma(&errors).unwrap_or_else(|e| panic!("{rays} rays: {e}"));
         println!("{rays} rays: {within:?} sigma");
+    }
+}
+
+/// A ceiling shows its back, as those do that cameras look through from above. What stands beside a texel in the corner of two
+/// boxes encloses its neighbours on the page, whose rays tell of it, too, and not the texel.
+#[test]
+fn in_a_corner_of_boxes_below_a_ceiling_that_is_a_back_a_texel_is_open() {
+    for rays in [4, 16, 64] {
+        let mut stage = Stage::new();
+        let floor = plane(&mut stage, Vec3::ZERO, 2.0, 16);
+        let stone = stage.material(0.5, 0.0);
+        let room = Cuboid::room(vec3(-1.0, 0.0, -1.0), vec3(1.0, 1.0, 1.0));
+        for face in [Face::Left, Face::Right, Face::Back, Face::Front] {
+            room.face(&mut stage, face, stone, UVec2::ONE, UVec2::splat(8));
+        }
+        let ceiling = Cuboid::block(vec3(-1.0, 0.5, -1.0), vec3(1.0, 1.0, 1.0));
+        ceiling.face(&mut stage, Face::Top, stone, UVec2::ONE, UVec2::splat(4));
+        // Its place on the page is a corner of the texels that are measured together. Where boxes touch neither has a face.
+        let (x, z) = (-0.125, 0.125);
+        for (low, high, inner) in [
+            ([x, z], [0.625, 0.5], &[Face::Back][..]),
+            ([x, -0.625], [0.625, z], &[Face::Front, Face::Left]),
+            ([-0.5, -0.625], [x, z], &[Face::Right]),
+        ] {
+            let block = Cuboid::block(vec3(low[0], -0.01, low[1]), vec3(high[0], 0.4, high[1]));
+            for face in FACES.into_iter().filter(|face| !inner.contains(face)) {
+                block.face(&mut stage, face, stone, UVec2::ONE, UVec2::splat(4));
+            }
+        }
+        stage.scene.sky = white(1.0);
+        let shot = shoot(stage, rays);
+        for i in shot.texels(floor) {
+            let p = shot.baked.patches.center[i];
+            let inside = |low: f32, high: f32, x: f32| x > low && x < high;
+            let under =
+                inside(x, 0.625, p.x) && inside(-0.625, 0.5, p.z) || inside(-0.5, x, p.x) && inside(-0.625, z, p.z);
+            let (validity, buried) = (shot.baked.patches.validity[i], shot.baked.patches.buried[i]);
+            assert!(under == buried && validity == 1.0, "{rays} rays, at {p}: {validity}, {buried}");
+        }
     }
 }
 
