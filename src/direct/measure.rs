@@ -186,10 +186,10 @@ impl<'k> Looks<'k> {
         let known = &self.known.received;
         let chunks: Vec<&[(u32, u32)]> = which.chunks(CHUNK).collect();
         let told = spans(&chunks, &mut self.last).into_par_iter().zip(spans(&chunks, &mut self.received));
-        let look = |(chunk, (last, received)): (&[(u32, u32)], (&mut [Received], &mut [Received]))| {
+        let looks = chunks.par_iter().zip(told).map(|(chunk, (last, received))| {
             check(observer)?;
             let (mut desk, mut rays, mut parts) = (Desk::new(task), 0, Vec::new());
-            for &(i, blocks) in chunk {
+            for &(i, blocks) in *chunk {
                 let (one, divided) = task.texel(i as usize, &table, blocks as usize, divide, &mut desk);
                 let at = (i - chunk[0].0) as usize;
                 // Blocks of neighbours are nets together: a closer look takes the place of another.
@@ -202,9 +202,8 @@ impl<'k> Looks<'k> {
             }
             observer.advance(chunk.len() as u64);
             Ok((rays, parts))
-        };
-        let looks: Vec<_> = chunks.par_iter().copied().zip(told).map(look).collect::<Result<_>>()?;
-        for (rays, parts) in looks {
+        });
+        for (rays, parts) in looks.collect::<Result<Vec<_>>>()? {
             self.known.shadow_rays += rays;
             for (i, points, divided) in parts {
                 match divided {

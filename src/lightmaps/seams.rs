@@ -94,7 +94,7 @@ mod tests {
 
     /// Three squares in a row, the first two on one chart, the last on another and turned by `turn` about the edge.
     fn row(turn: f32) -> (Scene, Atlas) {
-        let (sin, cos) = turn.sin_cos();
+        let (sin, cos) = (libm::sinf(turn), libm::cosf(turn));
         let along = [Vec3::ZERO, Vec3::X, 2.0 * Vec3::X, Vec3::new(2.0 + cos, sin, 0.0)];
         let positions = along.iter().flat_map(|&p| [p, p - Vec3::Z]).collect();
         let square = |a: u32| [[a, a + 2, a + 3], [a, a + 3, a + 1]];
